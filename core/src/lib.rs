@@ -77,8 +77,6 @@ pub mod inertia;
 pub mod regressor;
 pub mod robot;
 mod scalar;
-#[cfg(all(test, feature = "serde"))]
-mod serde_tests;
 mod slot;
 pub mod spatial;
 #[cfg(feature = "app")]

@@ -173,6 +173,16 @@ impl Normal {
         }
     }
 
+    /// Of probes, window by window, and what a model leaves there.
+    fn of(probes: &DMatrix<f64>, left: &DVector<f64>) -> Self {
+        Self {
+            products: probes * probes.transpose(),
+            moments: probes * left,
+            square: left.norm_squared(),
+            windows: left.len() as f64,
+        }
+    }
+
     /// The first `count` weights of the data that are not `held_out`; `None` if they are not finite.
     fn weights(&self, held_out: &Self, count: usize, shrinkage: f64) -> Option<DVector<f64>> {
         let of = |normal: &Self| normal.products.view((0, 0), (count, count)).into_owned();
@@ -204,18 +214,18 @@ impl Joint {
         if probes.windows.len() < LEAST_WINDOWS * count {
             return None;
         }
-        let mut of_fold = vec![Normal::new(count); folds];
-        for (&w, x) in probes.windows.iter().zip(&probes.values) {
-            let normal = &mut of_fold[data.fold(w)];
-            let (x, y) = (
-                DVector::from_column_slice(x),
-                data.torque[w * n + joint] - predicted[w * n + joint],
-            );
-            normal.products.ger(1.0, &x, &x, 1.0);
-            normal.moments.axpy(y, &x, 1.0);
-            normal.square += y * y;
-            normal.windows += 1.0;
-        }
+        let of_fold: Vec<Normal> = (0..folds)
+            .map(|fold| {
+                let own = probes.windows.iter().zip(&probes.values);
+                let own = own.filter(|(w, _)| data.fold(**w) == fold);
+                let (left, values): (Vec<f64>, Vec<&Vec<f64>>) = own
+                    .map(|(&w, x)| (data.torque[w * n + joint] - predicted[w * n + joint], x))
+                    .unzip();
+                let numbers = values.into_iter().flatten().copied();
+                let values = DMatrix::from_iterator(count, left.len(), numbers);
+                Normal::of(&values, &DVector::from_vec(left))
+            })
+            .collect();
         let mut all = Normal::new(count);
         for normal in &of_fold {
             all.products += &normal.products;

@@ -8,7 +8,7 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS};
+use proprio_core::effect::{EffectKind, Grid, Input, JointState, MAX_COLUMNS};
 
 use super::directions::{Kept, Key, Span, Vectors};
 use super::grid::{MULTIPLES, gear, grid, is_harmonic, is_narrow, shape_parameter, size_of};
@@ -91,12 +91,23 @@ pub(crate) struct Scan<'a> {
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
+    /// Of each joint the samples of these windows, one window's after the other's, if a scan asks.
+    seen: Vec<OnceLock<Vec<Seen>>>,
     /// Of each joint its way, if a scan asks.
     ways: Vec<OnceLock<Vec<Way>>>,
     /// The columns of an effect of some shape over all of its joint's windows.
     made: Kept<(Place, u64)>,
     /// Whether plays and springs are sought near the present ones only.
     pub(super) is_near: bool,
+}
+
+/// A sample of a window.
+struct Seen {
+    state: JointState<f64>,
+    /// The time that it stands for in the integral over the window, s.
+    weight: f64,
+    /// What its boundary term counts: −1 of the window's first sample, 1 of its last, 0 between.
+    edge: f64,
 }
 
 impl<'a> Scan<'a> {
@@ -128,6 +139,7 @@ impl<'a> Scan<'a> {
             at,
             windows,
             residuals,
+            seen: (0..data.joints()).map(|_| OnceLock::new()).collect(),
             ways: vec![OnceLock::new(); data.joints()],
             made: Kept::default(),
             is_near: false,
@@ -312,20 +324,27 @@ impl<'a> Scan<'a> {
         let greatest = is_limit.then(|| &self.greatest()[joint]);
         let states = self.states();
         let term = |k: usize| states.terms(k, (effect, joint), shape);
+        // Of the catalogue none sees the other joints: its state is put together once for all shapes.
+        let is_own = matches!(effect, EffectKind::Own(_));
+        let mut seen = self.seen(joint).iter();
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
-            // Below a limit nothing is lost, and most windows are below most limits.
-            if greatest.is_some_and(|greatest| term(greatest[at])[0].rate == 0.0) {
-                continue;
-            }
             let window = &motion.windows[w];
             let [first, last] = window.samples;
+            let samples = seen.by_ref().take(last + 1 - first);
+            // Below a limit nothing is lost, and most windows are below most limits.
+            if greatest.is_some_and(|greatest| term(greatest[at])[0].rate == 0.0) {
+                samples.for_each(drop);
+                continue;
+            }
             let mut sums = [0.0; MAX_COLUMNS];
-            for k in first..=last {
-                let weight = self.weight(first..last, k);
-                let edge = f64::from(u8::from(k == last)) - f64::from(u8::from(k == first));
-                for (sum, term) in sums.iter_mut().zip(term(k)) {
-                    *sum += weight * term.rate + edge * term.boundary;
+            for (k, seen) in (first..).zip(samples) {
+                let terms = match is_own {
+                    true => term(k),
+                    false => effect.terms(&seen.state, shape),
+                };
+                for (sum, term) in sums.iter_mut().zip(terms) {
+                    *sum += seen.weight * term.rate + seen.edge * term.boundary;
                 }
             }
             for (column, sum) in columns.iter_mut().zip(sums) {
@@ -333,6 +352,22 @@ impl<'a> Scan<'a> {
             }
         }
         columns
+    }
+
+    fn seen(&self, joint: usize) -> &Vec<Seen> {
+        let states = self.states();
+        made_once(&self.seen[joint], || {
+            let windows = self.windows[joint].iter();
+            let samples = windows.flat_map(|&w| {
+                let [first, last] = self.data.motion.windows[w].samples;
+                (first..=last).map(move |k| Seen {
+                    state: states.joint(k, joint),
+                    weight: self.weight(first..last, k),
+                    edge: f64::from(u8::from(k == last)) - f64::from(u8::from(k == first)),
+                })
+            });
+            samples.collect()
+        })
     }
 
     fn greatest(&self) -> &Vec<Vec<usize>> {

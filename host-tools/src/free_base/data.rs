@@ -9,9 +9,9 @@ use super::error::FreeBaseError;
 use super::gravity;
 use super::moved_readings::MovedReadings;
 use super::outside::{LIMIT, MANY};
-use super::projection::Projection;
+use super::projection::{JointStates, Projection};
 use super::row_setup::RowSetup;
-use super::rows::{Block, Linearised, each_row, each_window, fold, windows_of};
+use super::rows::{Block, Folded, Linearised, each_row, fold, windows_of};
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::UnseenFoot;
@@ -19,7 +19,7 @@ use super::walk::Walk;
 use super::walks::Walks;
 use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::HeapFactor;
-use crate::parallel::side_by_side;
+use crate::parallel::by_number;
 
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
 const BLOCK: f64 = 1.0;
@@ -36,16 +36,11 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    fn of<'a>(columns: usize, blocks: impl Iterator<Item = &'a Block>) -> Self {
-        let (mut factor, mut equations) = (HeapFactor::new(columns), 0.0);
-        for block in blocks {
-            factor.merge(&block.factor);
-            equations += block.equations;
-        }
+    fn of(folded: Folded) -> Self {
         Self {
-            rows: factor.dense(),
-            factor,
-            equations,
+            rows: folded.factor.dense(),
+            factor: folded.factor,
+            equations: folded.equations,
         }
     }
 
@@ -71,8 +66,7 @@ pub(crate) struct Data {
     pub(crate) parts: Vec<Part>,
     pub(crate) windows: Windows,
     setup: RowSetup,
-    /// What moved readings leave, log after log.
-    moved: Arc<Vec<MovedReadings>>,
+    readings: Readings,
     /// When windows begin that are left out, log after log, µs in order.
     pub(super) outside: Vec<Vec<u64>>,
     /// Feet that carry a force in some of these while they are taken to be in the air.
@@ -87,8 +81,8 @@ impl Data {
     ) -> Result<Self, FreeBaseError> {
         let outside = vec![Vec::new(); walks.walks.len()];
         let setup = RowSetup::cad(Arc::new(structure.columns()));
-        let windows = windows_of_all(walks, &setup);
-        Self::made(walks, setup, outside, false, Moved::Of(&windows))
+        let readings = Readings::of(walks, windows_of_all(walks, &setup), &setup);
+        Self::made(walks, setup, outside, readings)
     }
 
     /// The same with other nonlinear parameters of the same effects.
@@ -101,10 +95,10 @@ impl Data {
             robot: walks.robot.clone(),
             sites,
         });
-        let (outside, moved) = (self.outside.clone(), self.moved.clone());
+        let (outside, readings) = (self.outside.clone(), self.readings.clone());
         Ok(Self {
             unseen: self.unseen.clone(),
-            ..Self::made(walks, setup, outside, true, Moved::Known(moved))?
+            ..Self::made(walks, setup, outside, readings)?
         })
     }
 
@@ -113,7 +107,9 @@ impl Data {
         let logs = walks.walks.iter().enumerate();
         let of = |(n, (walk, stance)): (usize, &(Walk, Stance))| {
             let mut windows: Vec<LeftOfWindow> = Vec::new();
-            each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
+            let (at, outside) = (self.linearised(n), &self.outside[n]);
+            let asked = |k: usize| theta[k] != 0.0;
+            each_row(walk, stance, at, outside, asked, |row| {
                 let start_us = (row.start * 1e6).round() as u64;
                 if row.rank > 0 {
                     windows.push(LeftOfWindow {
@@ -134,22 +130,32 @@ impl Data {
         logs.map(of).collect()
     }
 
-    /// Tells of log `n` the windows that begin at a wanted time, µs, and what they make of joints' torques.
-    pub(crate) fn each_projection(
+    /// The windows of log `n`.
+    pub(crate) fn windows_of(&self, n: usize) -> &[WindowSamples] {
+        &self.readings.windows[n]
+    }
+
+    /// What effects see of log `n`, whose walk is `corrected`; only those `wanted` by their numbers see bristles.
+    pub(crate) fn joint_states<'a>(
+        &'a self,
+        walks: &'a Walks,
+        n: usize,
+        corrected: &'a Walk,
+        wanted: impl Fn(usize) -> bool,
+    ) -> JointStates<'a> {
+        JointStates::of((corrected, &walks.walks[n].1), self.columns(), wanted)
+    }
+
+    /// What one of its windows makes of joints' torques.
+    pub(crate) fn projection<'a>(
         &self,
         walks: &Walks,
         n: usize,
-        wanted: impl Fn(u64) -> bool,
-        mut tell: impl FnMut(u64, &Projection<'_>),
-    ) {
-        let (walk, stance) = &walks.walks[n];
-        let setup = &self.setup;
-        each_window(walk, stance, setup, &setup.sensors, |seen| {
-            let start_us = seen.rows.span_us[0];
-            if wanted(start_us) {
-                tell(start_us, &seen.projection(setup));
-            }
-        });
+        states: &'a JointStates<'a>,
+        window: &WindowSamples,
+    ) -> Projection<'a> {
+        let contact = (&self.setup, &self.setup.sensors, &walks.walks[n].1);
+        Projection::of(states, contact, &window.samples, &window.resting)
     }
 
     /// A walk as the sensors that rows are made at read it.
@@ -167,54 +173,40 @@ impl Data {
         &self.setup.columns
     }
 
-    /// The rows of all windows but those `outside`, at the parameters of `setup`; in parts of the time where `parts` are wanted.
+    /// The rows of all windows but those `outside`, at the parameters of `setup`; at these `readings`.
     pub(super) fn made(
         walks: &Walks,
         setup: RowSetup,
         outside: Vec<Vec<u64>>,
-        parts: bool,
-        moved: Moved,
+        readings: Readings,
     ) -> Result<Self, FreeBaseError> {
         let columns = setup.columns.len();
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
-        let moved = match moved {
-            Moved::Known(moved) => moved,
-            Moved::Of(windows) => {
-                let logs = walks.walks.iter().zip(windows);
-                let moved = logs.map(|((walk, stance), windows)| {
-                    MovedReadings::of(walk, stance, &setup, windows)
-                });
-                Arc::new(moved.collect())
-            }
-        };
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let at = Linearised {
                 setup: &setup,
-                moved: &moved[n],
+                moved: &readings.moved[n],
             };
             let (own, counts) = fold(walk, stance, at, &outside[n], seconds(walk));
             let own = own.into_iter().enumerate().map(|(k, mut block)| {
                 block.of = (n, k);
                 block
             });
-            blocks.extend(own.filter(|block| block.equations > 0.0));
+            blocks.extend(own.filter(|block| block.folded.equations > 0.0));
             windows = windows.plus(&counts);
         }
         if blocks.is_empty() {
             return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
+        let (all, parts) = sums_of(columns, &blocks);
         Ok(Self {
             gravity: gravity::length_rows(&walks.walks, &setup.columns),
-            all: Sum::of(columns, blocks.iter()),
-            parts: if parts {
-                parts_of(columns, &blocks)
-            } else {
-                Vec::new()
-            },
+            all,
+            parts,
             blocks,
             windows,
             setup,
-            moved,
+            readings,
             outside,
             unseen: Vec::new(),
         })
@@ -229,7 +221,7 @@ impl Data {
     pub(super) fn linearised(&self, n: usize) -> Linearised<'_> {
         Linearised {
             setup: &self.setup,
-            moved: &self.moved[n],
+            moved: &self.readings.moved[n],
         }
     }
 
@@ -297,8 +289,10 @@ impl Data {
         mut tell: impl FnMut(Equation<'_>),
     ) {
         let mut predicted = vec![0.0; thetas.len()];
+        let asked = |k: usize| thetas.iter().flatten().any(|theta| theta[k] != 0.0);
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
-            each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
+            let (at, outside) = (self.linearised(n), &self.outside[n]);
+            each_row(walk, stance, at, outside, asked, |row| {
                 let scale = walks.robot.scale[row.coordinate];
                 for (predicted, parts) in predicted.iter_mut().zip(thetas) {
                     let theta = self.of_the_part((n, row.start), walk, parts);
@@ -320,16 +314,34 @@ impl Data {
     }
 }
 
-/// What moved readings leave: known of rows at the same parameters, or to be made of these windows, log after log.
-pub(super) enum Moved<'a> {
-    Known(Arc<Vec<MovedReadings>>),
-    Of(&'a [Vec<WindowSamples>]),
+/// The windows of all logs.
+pub(super) type WindowsOfAll = Arc<Vec<Vec<WindowSamples>>>;
+
+/// Log after log the windows, and what moved readings leave of them.
+#[derive(Clone)]
+pub(super) struct Readings {
+    windows: WindowsOfAll,
+    moved: Arc<Vec<MovedReadings>>,
 }
 
-pub(super) fn windows_of_all(walks: &Walks, setup: &RowSetup) -> Vec<Vec<WindowSamples>> {
+impl Readings {
+    /// Of these windows, at the parameters that rows are made at.
+    pub(super) fn of(walks: &Walks, windows: WindowsOfAll, setup: &RowSetup) -> Self {
+        let logs = walks.walks.iter().zip(&*windows);
+        let moved = logs.map(|((walk, stance), windows)| {
+            MovedReadings::of(walk, stance, setup, windows)
+        });
+        Self {
+            moved: Arc::new(moved.collect()),
+            windows,
+        }
+    }
+}
+
+pub(super) fn windows_of_all(walks: &Walks, setup: &RowSetup) -> WindowsOfAll {
     let logs = walks.walks.iter();
-    logs.map(|(walk, stance)| windows_of(walk, stance, setup))
-        .collect()
+    let windows = logs.map(|(walk, stance)| windows_of(walk, stance, setup));
+    Arc::new(windows.collect())
 }
 
 /// What parameters leave of a window's equations, as rows are scaled; not a number of an equation that is left out.
@@ -424,26 +436,47 @@ fn seconds(walk: &Walk) -> f64 {
     BLOCK.min(walk.duration() / LEAST_BLOCKS)
 }
 
-/// The parts of the time, each with the blocks that are not its neighbours: those share its noise.
-fn parts_of(columns: usize, blocks: &[Block]) -> Vec<Part> {
+/// All blocks, and the parts of the time, each with the blocks that are not its neighbours: those share its noise. No parts of few blocks.
+///
+/// What predicts a part is put together of the others, as a whole or without the block that is the part's neighbour, and not of all blocks again.
+fn sums_of(columns: usize, blocks: &[Block]) -> (Sum, Vec<Part>) {
     let count = blocks.len();
+    let folded = |blocks: &[Block]| Folded::of(columns, blocks.iter().map(|block| &block.folded));
     if count < 2 * PARTS {
-        return Vec::new();
+        return (Sum::of(folded(blocks)), Vec::new());
     }
-    let parts: Vec<usize> = (0..PARTS).collect();
-    side_by_side(&parts, |&part| {
-        let own = |k: usize| k * PARTS / count == part;
-        let near = |k: usize| own(k) || own(k + 1) || (k > 0 && own(k - 1));
-        let chosen = |which: &dyn Fn(usize) -> bool| {
-            let blocks = blocks.iter().enumerate();
-            Sum::of(
-                columns,
-                blocks.filter(|(k, _)| which(*k)).map(|(_, block)| block),
-            )
-        };
-        Part {
-            own: chosen(&own),
-            others: chosen(&|k| !near(k)),
+    let begin = |part: usize| (part * count).div_ceil(PARTS);
+    let made = by_number(0..PARTS, |part| {
+        let (first, last) = (begin(part), begin(part + 1) - 1);
+        let middle = folded(&blocks[first + 1..last]);
+        let [first, last] = [first, last].map(|k| &blocks[k].folded);
+        let without_last = Folded::of(columns, [&middle, first]);
+        OfPart {
+            all: Folded::of(columns, [&without_last, last]),
+            without_first: Folded::of(columns, [&middle, last]),
+            without_last,
         }
-    })
+    });
+    let parts = by_number(0..PARTS, |part| {
+        let others = made.iter().enumerate().filter(|(n, _)| *n != part);
+        let others = others.map(|(n, own)| match n {
+            _ if n == part + 1 => &own.without_first,
+            _ if n + 1 == part => &own.without_last,
+            _ => &own.all,
+        });
+        Folded::of(columns, others)
+    });
+    let all = Folded::of(columns, made.iter().map(|own| &own.all));
+    let parts = made.into_iter().zip(parts).map(|(own, others)| Part {
+        own: Sum::of(own.all),
+        others: Sum::of(others),
+    });
+    (Sum::of(all), parts.collect())
+}
+
+/// The blocks of a part of the time.
+struct OfPart {
+    all: Folded,
+    without_first: Folded,
+    without_last: Folded,
 }

@@ -323,7 +323,7 @@ impl Data {
     /// What is known of the errors of a fit to all walks.
     pub(crate) fn deviations(&self, fit: &Fit) -> Deviations {
         let of = |block: &super::rows::Block| {
-            let rows = some_columns(&block.factor.dense(), &fit.active);
+            let rows = some_columns(&block.folded.factor.dense(), &fit.active);
             BlockScore::of(rows / fit.noise, &fit.solution.theta)
         };
         let blocks: Vec<BlockScore> = side_by_side(&self.blocks, of);

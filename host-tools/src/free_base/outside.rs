@@ -45,15 +45,17 @@ pub(super) fn windows(left: &[Vec<Squares>]) -> Vec<Vec<u64>> {
         .collect()
 }
 
-/// What parameters leave of each window of a walk; `theta` has those for a window that begins then, s.
+/// What parameters leave of each window of a walk; `theta` has those for a window that begins then, s, and nothing for effects' columns that are not
+/// `asked` for.
 pub(super) fn squares<'a>(
     walk: &Walk,
     stance: &Stance,
     at: Linearised<'_>,
+    asked: impl Fn(usize) -> bool,
     theta: impl Fn(f64) -> &'a DVector<f64>,
 ) -> Vec<Squares> {
     let mut windows: Vec<Squares> = Vec::new();
-    each_row(walk, stance, at, &[], |row| {
+    each_row(walk, stance, at, &[], asked, |row| {
         let terms = theta(row.start)
             .iter()
             .zip(&*row.numbers)

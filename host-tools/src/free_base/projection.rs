@@ -57,13 +57,13 @@ impl Span {
     }
 
     /// What a torque gives at each sample, N m s: the halves of what its boundary term changes by to both sides, and its rate over the time that the
-    /// sample stands for.
+    /// sample stands for; `term` tells it at the samples counted from the first.
     pub(super) fn impulses(&self, term: impl Fn(usize) -> Term<f64>) -> Vec<f64> {
         let mut last: Option<f64> = None;
         let mut half_before = 0.0;
         let mut all = vec![0.0; self.samples.len()];
-        for (k, &n) in self.samples.iter().enumerate() {
-            let Term { boundary, rate } = term(n);
+        for k in 0..self.samples.len() {
+            let Term { boundary, rate } = term(k);
             if let Some(last) = last {
                 half_before = 0.5 * (boundary - last);
                 all[k - 1] += half_before;
@@ -110,7 +110,7 @@ impl<'a> Projection<'a> {
         }
     }
 
-    /// Adds the mean of a torque at a joint over the window to its equations; `term` tells it sample by sample.
+    /// Adds the mean of a torque at a joint over the window to its equations; `term` tells it at each of the window's samples, counted from its first.
     pub(crate) fn add(&self, joint: usize, term: impl Fn(usize) -> Term<f64>, to: &mut [f64]) {
         for (impulse, passes) in self.span.impulses(term).into_iter().zip(&self.passes) {
             let mean = impulse / self.span.seconds;
@@ -121,16 +121,24 @@ impl<'a> Projection<'a> {
         }
     }
 
-    /// What effects see of a joint at a sample; no bristles.
-    pub(crate) fn state(&self, n: usize, joint: usize) -> JointState<f64> {
-        self.states.joint(n, joint, usize::MAX)
+    /// The window's samples.
+    pub(crate) fn samples(&self) -> &[usize] {
+        &self.span.samples
+    }
+
+    /// What effects see of a joint at each of them; no bristles.
+    pub(crate) fn seen(&self, joint: usize) -> Vec<JointState<f64>> {
+        let samples = self.span.samples.iter();
+        samples
+            .map(|&n| self.states.joint(n, joint, usize::MAX))
+            .collect()
     }
 
     /// A column of an effect, per unit of its parameter; nothing for what is no torque at a joint.
     pub(crate) fn column(&self, site: usize, column: &Column) -> Vec<f64> {
         let mut all = vec![0.0; self.width];
         self.states.each_torque(site, column, |joint, term| {
-            self.add(joint, term, &mut all);
+            self.add(joint, |k| term(self.span.samples[k]), &mut all);
         });
         all
     }
@@ -157,7 +165,7 @@ impl<'a> JointStates<'a> {
         let asks =
             |n: usize, input| wanted(n) && columns.sites[n].place.0.description().input == input;
         let bristles = |(n, site): (usize, &EffectSite)| {
-            asks(n, Input::Bristles).then(|| bristles(walk, site.place.1, site.shape))
+            asks(n, Input::Bristles).then(|| bristles(walk, site.place.1, &[site.shape]).remove(0))
         };
         Self {
             bristles: columns.sites.iter().enumerate().map(bristles).collect(),
@@ -220,19 +228,21 @@ impl<'a> JointStates<'a> {
     }
 }
 
-/// What the bristles of a joint have transmitted at each sample since the gap before, per N m, s. They are followed over lost messages
-/// ([`BRIDGED`]), as those of a robot on a fixed base.
-pub(crate) fn bristles(walk: &Walk, joint: usize, displacement: f64) -> Vec<f64> {
-    let mut impulse = Vec::with_capacity(walk.len());
-    while impulse.len() < walk.len() {
-        let first = impulse.len();
+/// What the bristles of a joint have transmitted at each sample since the gap before, per N m, s, for each of some displacements (rad). They are
+/// followed over lost messages ([`BRIDGED`]), as those of a robot on a fixed base.
+pub(crate) fn bristles(walk: &Walk, joint: usize, displacements: &[f64]) -> Vec<Vec<f64>> {
+    let mut impulses = vec![Vec::with_capacity(walk.len()); displacements.len()];
+    let mut first = 0;
+    while first < walk.len() {
         let follows = |n: &usize| walk.seconds(*n) - walk.seconds(n - 1) <= BRIDGED;
         let end = (first + 1..walk.len()).take_while(follows).last();
         let stretch = first..end.unwrap_or(first) + 1;
+        first = stretch.end;
         let t: Vec<f64> = stretch.clone().map(|n| walk.seconds(n)).collect();
         let state = stretch.map(|n| [walk.q[n][joint], walk.dq[n][joint], 0.0, 0.0]);
         let way = Way::of(&t, &state.collect::<Vec<_>>());
-        impulse.extend(way.impulse(displacement));
+        let both = impulses.iter_mut().zip(displacements);
+        both.for_each(|(impulse, displacement)| impulse.extend(way.impulse(*displacement)));
     }
-    impulse
+    impulses
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use super::columns::EffectSite;
-use super::data::{Data, Moved, windows_of_all};
+use super::data::{Data, Readings, windows_of_all};
 use super::doubtful;
 use super::error::FreeBaseError;
 use super::outside::{self, Squares};
@@ -51,7 +51,8 @@ impl Data {
         let mut outside = vec![Vec::new(); walks.walks.len()];
         let mut parts = None;
         for _ in 0..ROUNDS {
-            let data = Self::made(walks, setup, outside.clone(), true, Moved::Of(&windows))?;
+            let readings = Readings::of(walks, windows.clone(), &setup);
+            let data = Self::made(walks, setup, outside.clone(), readings)?;
             let (theta, thetas) = match candidates {
                 [] => {
                     let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
@@ -76,7 +77,8 @@ impl Data {
             let sites = structure.effects.iter().chain(candidates).cloned();
             setup = setup.with_columns(structure.columns_of(sites.collect()));
         }
-        let mut data = Self::made(walks, setup, outside, true, Moved::Of(&windows))?;
+        let readings = Readings::of(walks, windows, &setup);
+        let mut data = Self::made(walks, setup, outside, readings)?;
         if data.windows.outside > 0 {
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
             let setup = data.setup_at(fit.theta().clone());
@@ -89,7 +91,8 @@ impl Data {
     fn windows_outside(&self, walks: &Walks, thetas: &[&DVector<f64>]) -> Vec<Vec<u64>> {
         let of = |(n, (walk, stance)): (usize, &(Walk, Stance))| {
             let theta = |start: f64| self.of_the_part((n, start), walk, thetas);
-            outside::squares(walk, stance, self.linearised(n), theta)
+            let asked = |k: usize| thetas.iter().any(|theta| theta[k] != 0.0);
+            outside::squares(walk, stance, self.linearised(n), asked, theta)
         };
         let left: Vec<Vec<Squares>> = walks.walks.iter().enumerate().map(of).collect();
         outside::windows(&left)

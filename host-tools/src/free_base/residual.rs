@@ -109,7 +109,7 @@ impl Instants<'_> {
         let (columns, theta) = (&self.setup.columns, &self.setup.theta);
         for (k, site, linear) in columns.effects().filter(|(k, ..)| theta[*k] != 0.0) {
             states.each_torque(site, &linear.column, |joint, term| {
-                for (all, impulse) in all.iter_mut().zip(span.impulses(term)) {
+                for (all, impulse) in all.iter_mut().zip(span.impulses(|n| term(span.samples[n]))) {
                     all[joint] += theta[k] * impulse;
                 }
             });

@@ -16,16 +16,41 @@ use super::stance::Stance;
 use super::walk::Walk;
 use super::window::{Push, Window, WindowRows};
 use super::windows::{WindowSamples, Windows};
+use crate::equation::column::Column;
 use crate::estimate::factor::{BATCH, HeapFactor};
 
 /// Stamps of a steady clock are off by no more, s.
 const JITTER: f64 = 1e-4;
 
-/// One block of time.
-pub(super) struct Block {
+/// Rows as a factor.
+pub(super) struct Folded {
     pub(super) factor: HeapFactor,
     /// Equations in it.
     pub(super) equations: f64,
+}
+
+impl Folded {
+    fn empty(columns: usize) -> Self {
+        Self {
+            factor: HeapFactor::new(columns),
+            equations: 0.0,
+        }
+    }
+
+    /// Of these together.
+    pub(super) fn of<'a>(columns: usize, all: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut sum = Self::empty(columns);
+        for own in all {
+            sum.factor.merge(&own.factor);
+            sum.equations += own.equations;
+        }
+        sum
+    }
+}
+
+/// One block of time.
+pub(super) struct Block {
+    pub(super) folded: Folded,
     /// Of which walk, and which of its blocks.
     pub(super) of: (usize, usize),
     /// Rows that are not in the factor yet.
@@ -35,8 +60,7 @@ pub(super) struct Block {
 impl Block {
     fn empty(columns: usize) -> Self {
         Self {
-            factor: HeapFactor::new(columns),
-            equations: 0.0,
+            folded: Folded::empty(columns),
             of: (0, 0),
             batch: Vec::new(),
         }
@@ -50,7 +74,7 @@ impl Block {
     }
 
     fn fold(&mut self) {
-        self.factor.fold(&mut self.batch);
+        self.folded.factor.fold(&mut self.batch);
         self.batch = Vec::new();
     }
 }
@@ -85,21 +109,28 @@ pub(super) struct Row<'a> {
     pub(super) numbers: &'a mut [f64],
 }
 
-/// Tells a walk's windows row by row, but for those `outside` that begin at these times (µs, in order), and counts.
+/// Tells a walk's windows row by row, but for those `outside` that begin at these times (µs, in order), and counts. Of effects' columns only those
+/// `asked` for, by their numbers, are made; the others are zero.
 pub(super) fn each_row(
     walk: &Walk,
     stance: &Stance,
     at: Linearised<'_>,
     outside: &[u64],
+    asked: impl Fn(usize) -> bool,
     mut tell: impl FnMut(Row<'_>),
 ) -> Windows {
     let Linearised { setup, moved } = at;
     let columns = &*setup.columns;
     let loads = columns.loads();
-    let (acc, fixed) = (columns.acc(), columns.fixed());
+    let acc = columns.acc();
     let mut kept = Windows::default();
     let mut row = vec![0.0; columns.len() + 1];
-    let counts = each_window(walk, stance, setup, &setup.sensors, |seen| {
+    let effects: Vec<(usize, usize, &Column)> = (columns.effects())
+        .filter(|(k, ..)| asked(*k))
+        .map(|(k, site, linear)| (k, site, &linear.column))
+        .collect();
+    let of_effect = |n: usize| effects.iter().any(|(_, own, _)| *own == n);
+    let counts = each_window(walk, stance, setup, of_effect, |seen| {
         let rows = seen.rows;
         let start_us = rows.span_us[0];
         if outside.binary_search(&start_us).is_ok() {
@@ -112,9 +143,9 @@ pub(super) fn each_row(
             return;
         }
         let projection = seen.projection(setup);
-        let effects = columns.effects();
-        let effects: Vec<Vec<f64>> = effects
-            .map(|(_, site, linear)| projection.column(site, &linear.column))
+        let effects: Vec<(usize, Vec<f64>)> = effects
+            .iter()
+            .map(|&(k, site, column)| (k, projection.column(site, column)))
             .collect();
         let moved: Vec<(usize, &Vec<f64>)> = moved.columns(start_us).collect();
         let mut rank = told.equations;
@@ -126,10 +157,8 @@ pub(super) fn each_row(
         {
             row[..acc].copy_from_slice(rows.inertial(c).as_flattened());
             row[acc..acc + MOVED].copy_from_slice(&rows.acceleration[c]);
-            row[acc + MOVED..fixed].fill(0.0);
-            for (to, column) in row[fixed..].iter_mut().zip(&effects) {
-                *to = column[c];
-            }
+            row[acc + MOVED..].fill(0.0);
+            effects.iter().for_each(|(k, column)| row[*k] = column[c]);
             for (k, body, load) in &loads {
                 let own = &rows.inertial(c)[*body];
                 row[*k] = own.iter().zip(load).map(|(a, x)| a * x).sum();
@@ -167,16 +196,18 @@ pub(super) struct Linearised<'a> {
     pub(super) moved: &'a MovedReadings,
 }
 
-/// Tells the windows of a walk as these sensors read it, and counts those that are lost.
+/// Tells the windows of a walk as its sensors read it, and counts those that are lost. Only effects that are `asked` for, by their numbers, see
+/// bristles.
 pub(super) fn each_window(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
-    sensors: &Sensors,
+    asked: impl Fn(usize) -> bool,
     mut tell: impl FnMut(&SeenWindow<'_>),
 ) -> Windows {
+    let sensors = &setup.sensors;
     let walk = &sensors.corrected(walk);
-    let states = &JointStates::of((walk, stance), &setup.columns, |_| true);
+    let states = &JointStates::of((walk, stance), &setup.columns, asked);
     let robot = &*setup.columns.robot;
     let mut window = Window::new((walk, stance), robot, &setup.tree, sensors);
     let impacts: Vec<f64> = (0..walk.len())
@@ -234,7 +265,7 @@ pub(super) fn each_window(
 /// The windows of a walk.
 pub(super) fn windows_of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Vec<WindowSamples> {
     let mut all = Vec::new();
-    each_window(walk, stance, setup, &setup.sensors, |seen| {
+    each_window(walk, stance, setup, |_| false, |seen| {
         all.push(WindowSamples {
             start_us: seen.rows.span_us[0],
             samples: seen.samples.to_vec(),
@@ -314,12 +345,12 @@ pub(super) fn fold(
 ) -> (Vec<Block>, Windows) {
     let columns = at.setup.columns.len();
     let mut blocks: Vec<Block> = Vec::new();
-    let counts = each_row(walk, stance, at, outside, |row| {
+    let counts = each_row(walk, stance, at, outside, |_| true, |row| {
         let block = (row.start / seconds) as usize;
         let known = blocks.len().max(block + 1);
         blocks.resize_with(known, || Block::empty(columns));
         blocks[block].push(row.numbers);
-        blocks[block].equations += row.rank as f64;
+        blocks[block].folded.equations += row.rank as f64;
     });
     blocks.iter_mut().for_each(Block::fold);
     (blocks, counts)

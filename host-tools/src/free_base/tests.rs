@@ -18,6 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::channels::Channels;
+use super::data::{Data, PARTS, Sum};
 use super::legged::Legged;
 use super::moved_readings::MovedReadings;
 use super::residual::residuals;
@@ -338,7 +339,7 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     let mut walks = trot();
     let structure = whole();
     let unseen = |walks: &Walks| {
-        let data = super::data::Data::of(walks, &structure, &[]).unwrap();
+        let data = Data::of(walks, &structure, &[]).unwrap();
         (data.unseen.clone(), data.warnings())
     };
     assert_eq!(unseen(&walks).0, []);
@@ -411,7 +412,7 @@ fn projected_torques_are_the_cores() {
     let structure = whole();
     let setup = RowSetup::cad(Arc::new(structure.columns()));
     let mut ours = HashMap::new();
-    each_window(walk, stance, &setup, &setup.sensors, |seen| {
+    each_window(walk, stance, &setup, |_| true, |seen| {
         let projection = seen.projection(&setup);
         let effects = setup.columns.effects();
         let columns = effects.map(|(_, n, linear)| projection.column(n, &linear.column));
@@ -490,7 +491,7 @@ fn residuals_are_the_rows_times_their_parameters() {
         moved: &moved,
     };
     let (mut own, mut compared) = (0, 0);
-    each_row(walk, stance, at, &[], |row| {
+    each_row(walk, stance, at, &[], |_| true, |row| {
         let start_us = (row.start * 1e6).round() as u64;
         while windows[own].start_us < start_us {
             own += 1;
@@ -507,4 +508,30 @@ fn residuals_are_the_rows_times_their_parameters() {
         compared += 1;
     });
     assert!(compared > 1000, "{compared}");
+}
+
+/// What predicts a part of the time is all blocks but its own and those beside it, however they are put together.
+#[test]
+fn a_part_is_predicted_by_all_blocks_but_its_neighbours() {
+    let walks = trot();
+    let data = Data::unjudged(&walks, &whole()).unwrap();
+    let (theta, count) = (data.made_at().clone(), data.blocks.len());
+    assert!(count >= 2 * PARTS);
+    assert_eq!(data.parts.len(), PARTS);
+    for (n, part) in data.parts.iter().enumerate() {
+        let own = |k: usize| k * PARTS / count == n;
+        let near = |k: usize| own(k) || own(k + 1) || k > 0 && own(k - 1);
+        let is_all = |sum: &Sum, chosen: &dyn Fn(usize) -> bool| {
+            let blocks = data.blocks.iter().enumerate().filter(|(k, _)| chosen(*k));
+            let [mut squares, mut equations] = [0.0; 2];
+            for (_, block) in blocks {
+                squares += block.folded.factor.sum_of_squares(theta.as_slice());
+                equations += block.folded.equations;
+            }
+            assert_eq!(sum.equations, equations);
+            assert!((sum.squares(&theta) - squares).abs() < 1e-9 * squares);
+        };
+        is_all(&part.own, &own);
+        is_all(&part.others, &|k| !near(k));
+    }
 }

@@ -53,6 +53,7 @@ impl UnseenFoot {
 /// order.
 pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec<UnseenFoot> {
     let theta = &setup.theta;
+    let asked = |k: usize| theta[k] != 0.0;
     // At the fit's own sensors nothing is moved.
     let at = Linearised {
         setup,
@@ -62,12 +63,12 @@ pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec
     let count = names.len();
     let mut feet = vec![Tally::default(); count];
     for ((walk, stance), outside) in walks.walks.iter().zip(outside) {
-        let as_it_is = outside::squares(walk, stance, at, |_| theta);
+        let as_it_is = outside::squares(walk, stance, at, asked, |_| theta);
         let Some(usual) = outside::usual(as_it_is.iter()) else {
             continue;
         };
         let of = |leg: usize| match loaded_in(walk, stance, leg, outside) {
-            Some(stance) => outside::squares(walk, &stance, at, |_| theta),
+            Some(stance) => outside::squares(walk, &stance, at, asked, |_| theta),
             None => Vec::new(),
         };
         let again: Vec<Vec<Squares>> = (0..count).map(of).collect();

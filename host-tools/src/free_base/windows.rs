@@ -51,9 +51,9 @@ impl Windows {
 }
 
 /// The samples of a window that was closed, and the joints that may rest in it.
-pub(super) struct WindowSamples {
+pub(crate) struct WindowSamples {
     /// When it began, µs.
-    pub(super) start_us: u64,
-    pub(super) samples: Vec<usize>,
-    pub(super) resting: Vec<bool>,
+    pub(crate) start_us: u64,
+    pub(crate) samples: Vec<usize>,
+    pub(crate) resting: Vec<bool>,
 }

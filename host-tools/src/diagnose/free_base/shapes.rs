@@ -23,6 +23,9 @@ const BETWEEN: [f64; 4] = [-2.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0];
 /// A shape that differs by less than this share is the same.
 const SAME: f64 = 1e-3;
 
+/// A log's windows are summed in so many pieces, however many processors there are: so sums are the same on all.
+const PIECES: usize = 16;
+
 /// Less of a column's square than this share is rounding.
 const SPANNED: f64 = 1e-8;
 
@@ -121,91 +124,109 @@ impl Scan<'_> {
 
     /// Of each effect and each of its shapes the share of what is left of its joint that it explains.
     fn explained(&self, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<f64>> {
-        let sites = &self.data.columns().sites;
-        let robot = &self.walks.robot;
-        let legs: Vec<usize> = (0..robot.limbs.len()).collect();
-        let by_leg = side_by_side(&legs, |&leg| {
-            let own = tried.iter().enumerate();
-            let own = own.filter(|(_, (n, _))| robot.limb_of(sites[*n].place.1) == leg);
-            self.of_leg(
-                &own.map(|(at, (n, grid))| (at, *n, &grid[..]))
-                    .collect::<Vec<_>>(),
-            )
-        });
-        let mut all = vec![Vec::new(); tried.len()];
-        for (at, falls) in by_leg.into_iter().flatten() {
-            all[at] = falls;
+        let mut sums: Vec<Vec<Sums>> = (tried.iter())
+            .map(|(_, grid)| vec![Sums::default(); grid.len()])
+            .collect();
+        for log in 0..self.left.len() {
+            let of_pieces = self.of_log(log, tried);
+            let all = sums.iter_mut().flatten();
+            let pieces = of_pieces.iter().map(|piece| piece.iter().flatten());
+            let mut pieces: Vec<_> = pieces.collect();
+            for sum in all {
+                let own = pieces.iter_mut().filter_map(Iterator::next);
+                own.for_each(|own| sum.merge(own));
+            }
         }
-        all
+        let sites = &self.data.columns().sites;
+        let falls = sums.iter().zip(tried).map(|(sums, (n, _))| {
+            let count = sites[*n].linear.len();
+            sums.iter().map(|own| own.share(count)).collect()
+        });
+        falls.collect()
     }
 
-    fn of_leg(&self, tried: &[(usize, usize, &[f64])]) -> Vec<(usize, Vec<f64>)> {
+    /// The sums over a log's windows, in pieces.
+    fn of_log(&self, log: usize, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<Vec<Sums>>> {
         let sites = &self.data.columns().sites;
-        let mut sums: Vec<Vec<Sums>> = (tried.iter())
-            .map(|(.., grid)| vec![Sums::default(); grid.len()])
+        let walk = &self.data.corrected(&self.walks.walks[log].0);
+        let bent = side_by_side(tried, |(n, grid)| {
+            let (effect, joint) = sites[*n].place;
+            match effect.description().input {
+                Input::Bristles => bristles(walk, joint, grid),
+                _ => Vec::new(),
+            }
+        });
+        let fitted = |n: usize| {
+            let own = self.data.columns().effects().filter(|(_, own, _)| *own == n);
+            own.into_iter().any(|(k, ..)| self.fit.theta()[k] != 0.0)
+        };
+        let states = self.data.joint_states(self.walks, log, walk, fitted);
+        let windows = self.data.windows_of(log);
+        let of_start = |left: &LeftOfWindow| {
+            let at = windows.binary_search_by_key(&left.start_us, |window| window.start_us);
+            at.ok().map(|at| &windows[at])
+        };
+        let left = self.left[log].iter().step_by(self.stride);
+        let wanted: Vec<_> = left
+            .filter_map(|left| Some((left, of_start(left)?)))
             .collect();
-        for (log, (walk, _)) in self.walks.walks.iter().enumerate() {
-            let walk = self.data.corrected(walk);
-            let bent: Vec<Vec<Vec<f64>>> = (tried.iter())
-                .map(|(_, n, grid)| {
-                    let (effect, joint) = sites[*n].place;
-                    let bent = |shape: &f64| bristles(&walk, joint, *shape);
-                    match effect.description().input {
-                        Input::Bristles => grid.iter().map(bent).collect(),
-                        _ => Vec::new(),
-                    }
-                })
+        let length = wanted.len().div_ceil(PIECES).max(1);
+        let pieces: Vec<_> = wanted.chunks(length).collect();
+        side_by_side(&pieces, |piece| {
+            let mut sums: Vec<Vec<Sums>> = (tried.iter())
+                .map(|(_, grid)| vec![Sums::default(); grid.len()])
                 .collect();
-            let left = self.left[log].iter().step_by(self.stride);
-            let left: Vec<&LeftOfWindow> = left.collect();
-            let at = |start: u64| left.binary_search_by_key(&start, |own| own.start_us);
-            let wanted = |start: u64| at(start).is_ok();
-            self.data
-                .each_projection(self.walks, log, wanted, |start, projection| {
-                    let Ok(at) = at(start) else { return };
-                    let robot = &self.walks.robot;
-                    let zeros = || vec![0.0; robot.coordinates()];
-                    let mut basis = vec![BASIS.map(|_| zeros()); robot.joints()];
-                    let mut known = vec![false; robot.joints()];
-                    for (t, (_, n, grid)) in tried.iter().enumerate() {
-                        let (effect, joint) = sites[*n].place;
-                        if !known[joint] {
-                            known[joint] = true;
-                            for (column, effect) in basis[joint].iter_mut().zip(BASIS) {
-                                let term = |k: usize| effect.term(&projection.state(k, joint));
-                                projection.add(joint, term, column);
-                            }
-                        }
-                        let residual = self.residual(left[at], projection, *n);
-                        for (s, shape) in grid.iter().enumerate() {
-                            let mut columns: [_; MAX_COLUMNS] = std::array::from_fn(|_| zeros());
-                            let count = sites[*n].linear.len();
-                            for (m, column) in columns.iter_mut().enumerate().take(count) {
-                                let term = |k: usize| match bent[t].get(s) {
-                                    Some(impulse) => Term {
-                                        boundary: impulse[k],
-                                        rate: 0.0,
-                                    },
-                                    None => effect.terms(&projection.state(k, joint), *shape)[m],
-                                };
-                                projection.add(joint, term, column);
-                            }
-                            sums[t][s].add(&basis[joint], &columns, &residual);
-                        }
+            for (left, window) in *piece {
+                let projection = self.data.projection(self.walks, log, &states, window);
+                self.add_window(&mut sums, tried, &bent, (left, &projection));
+            }
+            sums
+        })
+    }
+
+    /// Adds a window's products to the sums of each effect and shape; `bent` are those of bristles.
+    fn add_window(
+        &self,
+        sums: &mut [Vec<Sums>],
+        tried: &[(usize, Vec<f64>)],
+        bent: &[Vec<Vec<f64>>],
+        (left, projection): (&LeftOfWindow, &Projection<'_>),
+    ) {
+        let sites = &self.data.columns().sites;
+        let zeros = || vec![0.0; left.left.len()];
+        let mut basis: Vec<Option<[Vec<f64>; 4]>> = vec![None; self.walks.robot.joints()];
+        let mut columns: [_; MAX_COLUMNS] = std::array::from_fn(|_| zeros());
+        for (t, (n, grid)) in tried.iter().enumerate() {
+            let (effect, joint) = sites[*n].place;
+            let seen = projection.seen(joint);
+            let basis = basis[joint].get_or_insert_with(|| {
+                BASIS.map(|effect| {
+                    let mut column = zeros();
+                    projection.add(joint, |k| effect.term(&seen[k]), &mut column);
+                    column
+                })
+            });
+            let residual = self.residual(left, projection, *n);
+            let count = sites[*n].linear.len();
+            for (s, shape) in grid.iter().enumerate() {
+                let terms: Vec<[Term<f64>; MAX_COLUMNS]> = match bent[t].get(s) {
+                    Some(impulse) => {
+                        let of = |n: &usize| Term {
+                            boundary: impulse[*n],
+                            rate: 0.0,
+                        };
+                        let samples = projection.samples().iter();
+                        samples.map(|n| [of(n); MAX_COLUMNS]).collect()
                     }
-                });
+                    None => seen.iter().map(|state| effect.terms(state, *shape)).collect(),
+                };
+                for (m, column) in columns.iter_mut().enumerate().take(count) {
+                    column.fill(0.0);
+                    projection.add(joint, |k| terms[k][m], column);
+                }
+                sums[t][s].add(basis, &columns, &residual);
+            }
         }
-        let falls = sums.iter().zip(tried);
-        falls
-            .map(|(sums, (at, n, _))| {
-                (
-                    *at,
-                    sums.iter()
-                        .map(|own| own.share(sites[*n].linear.len()))
-                        .collect(),
-                )
-            })
-            .collect()
     }
 
     /// What the fit leaves, and what effect n explains with its present shape if the fit has it: that is for another shape to explain.
@@ -259,6 +280,15 @@ impl Sums {
             self.own_right += x * right[c];
             self.right += right[c] * right[c];
         }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.basis += other.basis;
+        self.mixed += other.mixed;
+        self.own += other.own;
+        self.basis_right += other.basis_right;
+        self.own_right += other.own_right;
+        self.right += other.right;
     }
 
     /// The share of the residual's square that the first `count` columns explain beyond the basis.

@@ -1,10 +1,9 @@
-//! Values as serde has them.
+//! Values as serde has them: names in JSON, numbers to the last bit.
 
-use crate::effect::EffectKind;
-use crate::estimator::EffectPrior;
-use crate::go2::{ACTUATORS, Leg, leg};
+use proprio_core::effect::EffectKind;
+use proprio_core::estimator::EffectPrior;
+use proprio_core::go2::{ACTUATORS, Leg, leg};
 use serde::{Serialize, de::DeserializeOwned};
-use std::prelude::rust_2024::*;
 
 /// Asserts that a value comes back to the last bit.
 fn comes_back<X: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(value: &X) {
@@ -17,7 +16,7 @@ fn comes_back<X: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(val
 fn an_effect_is_its_name() {
     for effect in EffectKind::ALL {
         let text = serde_json::to_string(effect).unwrap();
-        assert_eq!(text, std::format!("\"{}\"", effect.name()));
+        assert_eq!(text, format!("\"{}\"", effect.name()));
         assert_eq!(serde_json::from_str::<EffectKind>(&text).unwrap(), *effect);
     }
 }
@@ -30,10 +29,9 @@ fn bodies_actuators_and_priors_come_back_as_they_were() {
     comes_back(&EffectPrior::of(EffectKind::Bias, &ACTUATORS[2]));
 }
 
-#[cfg(feature = "bus")]
 #[test]
 fn a_frame_comes_back_as_it_was() {
-    comes_back(&crate::bus::Reply {
+    comes_back(&proprio_core::bus::Reply {
         position: -12_345,
         ..Default::default()
     });
