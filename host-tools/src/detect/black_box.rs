@@ -217,12 +217,12 @@ impl Joint {
         let of_fold: Vec<Normal> = (0..folds)
             .map(|fold| {
                 let own = probes.windows.iter().zip(&probes.values);
-                let own = own.filter(|(w, _)| data.fold(**w) == fold);
-                let (left, values): (Vec<f64>, Vec<&Vec<f64>>) = own
-                    .map(|(&w, x)| (data.torque[w * n + joint] - predicted[w * n + joint], x))
-                    .unzip();
-                let numbers = values.into_iter().flatten().copied();
-                let values = DMatrix::from_iterator(count, left.len(), numbers);
+                let (mut values, mut left) = (Vec::new(), Vec::new());
+                for (&w, x) in own.filter(|(w, _)| data.fold(**w) == fold) {
+                    values.extend_from_slice(x);
+                    left.push(data.torque[w * n + joint] - predicted[w * n + joint]);
+                }
+                let values = DMatrix::from_vec(count, left.len(), values);
                 Normal::of(&values, &DVector::from_vec(left))
             })
             .collect();

@@ -328,9 +328,8 @@ impl Readings {
     /// Of these windows, at the parameters that rows are made at.
     pub(super) fn of(walks: &Walks, windows: WindowsOfAll, setup: &RowSetup) -> Self {
         let logs = walks.walks.iter().zip(&*windows);
-        let moved = logs.map(|((walk, stance), windows)| {
-            MovedReadings::of(walk, stance, setup, windows)
-        });
+        let moved =
+            logs.map(|((walk, stance), windows)| MovedReadings::of(walk, stance, setup, windows));
         Self {
             moved: Arc::new(moved.collect()),
             windows,

@@ -219,12 +219,13 @@ impl Data {
         self.fit_from(&free, near)
     }
 
-    /// With all torques at joints that the data have columns of and a load on every body, to first order and without bounds: the parameters by all
-    /// data, and by those of all parts of the time but each. What these leave no candidate explains.
+    /// With all torques at joints that the data have columns of and a load on every body, to first order and without bounds: the parameters by each of
+    /// some sums of the data. What these leave no candidate explains.
     pub(crate) fn with_all(
         &self,
         structure: &ModelStructure,
-    ) -> Option<(DVector<f64>, Vec<DVector<f64>>)> {
+        sums: &[&Sum],
+    ) -> Option<Vec<DVector<f64>>> {
         let columns = self.columns();
         let own = columns.sites.iter();
         let own = own.filter(|site| site.is_torque() || structure.has(site.place));
@@ -246,11 +247,7 @@ impl Data {
             }
             Some(theta)
         };
-        let others = self.parts.iter().map(|part| &part.others);
-        let sums: Vec<&Sum> = std::iter::once(&self.all).chain(others).collect();
-        let solved: Option<Vec<_>> = side_by_side(&sums, solved).into_iter().collect();
-        let mut solved = solved?.into_iter();
-        Some((solved.next()?, solved.collect()))
+        side_by_side(sums, solved).into_iter().collect()
     }
 
     /// What a model's fit minimises at this noise of an equation, N m; no body is held.

@@ -2,7 +2,7 @@
 //! So rows are made at parameters near the fit's (`refinement`).
 
 use super::columns::SENSORS;
-use super::residual::residuals;
+use super::residual::{impulses, residuals};
 use super::row_setup::RowSetup;
 use super::sensors::{MOVED, Sensors, offsets};
 use super::stance::Stance;
@@ -48,7 +48,14 @@ impl MovedReadings {
             (k, OFFSET_STEP, moved)
         });
         let all: Vec<(usize, f64, Sensors)> = sensors.chain(encoders).collect();
-        let left = |sensors: &Sensors| residuals(walk, stance, setup, sensors, windows);
+        let of_effects = |sensors: &Sensors| impulses(walk, stance, setup, sensors, windows);
+        let effects = of_effects(at);
+        let left = |sensors: &Sensors| {
+            // What effects see changes with the joints' readings alone.
+            let own = sensors.moves_joints(at).then(|| of_effects(sensors));
+            let effects = own.as_ref().unwrap_or(&effects);
+            residuals(walk, stance, setup, sensors, (windows, effects))
+        };
         let as_read = left(at);
         let column = |(column, step, sensors): &(usize, f64, Sensors)| {
             let moved = left(sensors).into_iter().zip(&as_read);

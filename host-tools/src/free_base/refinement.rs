@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use super::columns::EffectSite;
-use super::data::{Data, Readings, windows_of_all};
+use super::data::{Data, Readings, Sum, windows_of_all};
 use super::doubtful;
 use super::error::FreeBaseError;
 use super::outside::{self, Squares};
@@ -61,7 +61,13 @@ impl Data {
                     let thetas = parts.iter().flatten().map(|part| part.theta.clone());
                     (fit.theta().clone(), thetas.collect())
                 }
-                _ => data.with_all(structure).ok_or(FreeBaseError::Unsolvable)?,
+                _ => {
+                    let others = data.parts.iter().map(|part| &part.others);
+                    let sums: Vec<&Sum> = std::iter::once(&data.all).chain(others).collect();
+                    let thetas = data.with_all(structure, &sums);
+                    let mut thetas = thetas.ok_or(FreeBaseError::Unsolvable)?;
+                    (thetas.remove(0), thetas)
+                }
             };
             let thetas: Vec<&DVector<f64>> = match &thetas[..] {
                 [] => vec![&theta],

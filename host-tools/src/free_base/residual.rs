@@ -15,21 +15,53 @@ use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
 use super::windows::WindowSamples;
+use crate::equation::column::Column;
 
-/// What windows leave at the parameters of `setup`, N m (N of forces), as rows are scaled: of a walk as these sensors read it.
-pub(super) fn residuals(
+/// What effects give in a window, N m s: joint by joint at each of its samples.
+pub(super) type Impulses = Vec<Vec<f64>>;
+
+/// What the effects of `setup` that have a value give in each window of a walk as these sensors read it.
+pub(super) fn impulses(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
     sensors: &Sensors,
     windows: &[WindowSamples],
+) -> Vec<Impulses> {
+    let walk = sensors.corrected(walk);
+    let valued: Vec<(usize, usize, &Column)> = (setup.columns.effects())
+        .filter(|(k, ..)| setup.theta[*k] != 0.0)
+        .map(|(k, site, linear)| (k, site, &linear.column))
+        .collect();
+    let is_valued = |site: usize| valued.iter().any(|(_, own, _)| *own == site);
+    let states = JointStates::of((&walk, stance), &setup.columns, is_valued);
+    let joints = walk.tau.width();
+    let of = |window: &WindowSamples| {
+        let span = Span::of(&walk, &window.samples);
+        let mut all = vec![vec![0.0; joints]; span.samples.len()];
+        for (k, site, column) in &valued {
+            states.each_torque(*site, column, |joint, term| {
+                let own = span.impulses(|n| term(span.samples[n]));
+                for (all, impulse) in all.iter_mut().zip(own) {
+                    all[joint] += setup.theta[*k] * impulse;
+                }
+            });
+        }
+        all
+    };
+    windows.iter().map(of).collect()
+}
+
+/// What windows leave at the parameters of `setup`, N m (N of forces), as rows are scaled: of a walk as these sensors read it, with the `impulses` of
+/// effects.
+pub(super) fn residuals(
+    walk: &Walk,
+    stance: &Stance,
+    setup: &RowSetup,
+    sensors: &Sensors,
+    (windows, impulses): (&[WindowSamples], &[Impulses]),
 ) -> Vec<Vec<f64>> {
     let walk = sensors.corrected(walk);
-    let valued = |site: usize| {
-        let mut own = setup.columns.effects();
-        own.any(|(k, n, _)| n == site && setup.theta[k] != 0.0)
-    };
-    let states = JointStates::of((&walk, stance), &setup.columns, valued);
     let at = Instants {
         walk: &walk,
         stance,
@@ -37,8 +69,9 @@ pub(super) fn residuals(
         sensors,
         imu: sensors.imu(&setup.columns.robot),
     };
-    let of = |window: &WindowSamples| at.residual(window, &states);
-    windows.iter().map(of).collect()
+    let both = windows.iter().zip(impulses);
+    both.map(|(window, impulses)| at.residual(window, impulses))
+        .collect()
 }
 
 /// A walk, and the parameters that its instants are looked at with.
@@ -52,9 +85,8 @@ struct Instants<'a> {
 }
 
 impl Instants<'_> {
-    fn residual(&self, window: &WindowSamples, states: &JointStates<'_>) -> Vec<f64> {
+    fn residual(&self, window: &WindowSamples, effects: &Impulses) -> Vec<f64> {
         let span = Span::of(self.walk, &window.samples);
-        let effects = self.effects(&span, states);
         let robot = &*self.setup.columns.robot;
         let scale = robot.scale_beside(&window.resting);
         let width = scale.len();
@@ -100,21 +132,6 @@ impl Instants<'_> {
         }
         left.iter_mut().for_each(|x| *x /= span.seconds);
         left
-    }
-
-    /// The impulses of the effects that have a value, sample by sample and joint by joint, N m s.
-    fn effects(&self, span: &Span, states: &JointStates<'_>) -> Vec<Vec<f64>> {
-        let joints = self.walk.tau.width();
-        let mut all = vec![vec![0.0; joints]; span.samples.len()];
-        let (columns, theta) = (&self.setup.columns, &self.setup.theta);
-        for (k, site, linear) in columns.effects().filter(|(k, ..)| theta[*k] != 0.0) {
-            states.each_torque(site, &linear.column, |joint, term| {
-                for (all, impulse) in all.iter_mut().zip(span.impulses(|n| term(span.samples[n]))) {
-                    all[joint] += theta[k] * impulse;
-                }
-            });
-        }
-        all
     }
 
     /// The IMU's velocity at each sample in the frame that falls freely from the window's first on, m/s, in its axes, by Heun's method.

@@ -265,13 +265,19 @@ pub(super) fn each_window(
 /// The windows of a walk.
 pub(super) fn windows_of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Vec<WindowSamples> {
     let mut all = Vec::new();
-    each_window(walk, stance, setup, |_| false, |seen| {
-        all.push(WindowSamples {
-            start_us: seen.rows.span_us[0],
-            samples: seen.samples.to_vec(),
-            resting: seen.rows.resting.clone(),
-        });
-    });
+    each_window(
+        walk,
+        stance,
+        setup,
+        |_| false,
+        |seen| {
+            all.push(WindowSamples {
+                start_us: seen.rows.span_us[0],
+                samples: seen.samples.to_vec(),
+                resting: seen.rows.resting.clone(),
+            });
+        },
+    );
     all
 }
 
@@ -345,13 +351,20 @@ pub(super) fn fold(
 ) -> (Vec<Block>, Windows) {
     let columns = at.setup.columns.len();
     let mut blocks: Vec<Block> = Vec::new();
-    let counts = each_row(walk, stance, at, outside, |_| true, |row| {
-        let block = (row.start / seconds) as usize;
-        let known = blocks.len().max(block + 1);
-        blocks.resize_with(known, || Block::empty(columns));
-        blocks[block].push(row.numbers);
-        blocks[block].folded.equations += row.rank as f64;
-    });
+    let counts = each_row(
+        walk,
+        stance,
+        at,
+        outside,
+        |_| true,
+        |row| {
+            let block = (row.start / seconds) as usize;
+            let known = blocks.len().max(block + 1);
+            blocks.resize_with(known, || Block::empty(columns));
+            blocks[block].push(row.numbers);
+            blocks[block].folded.equations += row.rank as f64;
+        },
+    );
     blocks.iter_mut().for_each(Block::fold);
     (blocks, counts)
 }

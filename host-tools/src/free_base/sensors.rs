@@ -116,6 +116,11 @@ impl Sensors {
         robot.points(loaded, self.values[RADIUS])
     }
 
+    /// Whether joints are where others do not have them.
+    pub(super) fn moves_joints(&self, others: &Self) -> bool {
+        self.values[DELAYS] != others.values[DELAYS] || self.offsets != others.offsets
+    }
+
     /// The IMU in the base, in the axes that its readings are turned to.
     pub(super) fn imu(&self, robot: &Legged) -> Transform<f64> {
         Transform {

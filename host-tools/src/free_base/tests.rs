@@ -21,7 +21,7 @@ use super::channels::Channels;
 use super::data::{Data, PARTS, Sum};
 use super::legged::Legged;
 use super::moved_readings::MovedReadings;
-use super::residual::residuals;
+use super::residual::{impulses, residuals};
 use super::row_setup::RowSetup;
 use super::rows::{Linearised, each_row, each_window, windows_of};
 use super::speed::quieten;
@@ -412,13 +412,19 @@ fn projected_torques_are_the_cores() {
     let structure = whole();
     let setup = RowSetup::cad(Arc::new(structure.columns()));
     let mut ours = HashMap::new();
-    each_window(walk, stance, &setup, |_| true, |seen| {
-        let projection = seen.projection(&setup);
-        let effects = setup.columns.effects();
-        let columns = effects.map(|(_, n, linear)| projection.column(n, &linear.column));
-        let columns: Vec<Vec<f64>> = columns.collect();
-        ours.insert(seen.rows.span_us, (columns, seen.rows.clone()));
-    });
+    each_window(
+        walk,
+        stance,
+        &setup,
+        |_| true,
+        |seen| {
+            let projection = seen.projection(&setup);
+            let effects = setup.columns.effects();
+            let columns = effects.map(|(_, n, linear)| projection.column(n, &linear.column));
+            let columns: Vec<Vec<f64>> = columns.collect();
+            ours.insert(seen.rows.span_us, (columns, seen.rows.clone()));
+        },
+    );
     let mut window = Box::new(FreeBaseWindow::<
         f64,
         BODIES,
@@ -484,29 +490,37 @@ fn residuals_are_the_rows_times_their_parameters() {
     loads.iter().for_each(|k| theta[*k] = 0.0);
     let setup = RowSetup::at(columns.clone(), theta.clone());
     let windows = windows_of(walk, stance, &setup);
-    let left = residuals(walk, stance, &setup, &setup.sensors, &windows);
+    let effects = impulses(walk, stance, &setup, &setup.sensors, &windows);
+    let left = residuals(walk, stance, &setup, &setup.sensors, (&windows, &effects));
     let moved = MovedReadings::default();
     let at = Linearised {
         setup: &setup,
         moved: &moved,
     };
     let (mut own, mut compared) = (0, 0);
-    each_row(walk, stance, at, &[], |_| true, |row| {
-        let start_us = (row.start * 1e6).round() as u64;
-        while windows[own].start_us < start_us {
-            own += 1;
-        }
-        // Sensors are taken off by the readings, and have no columns here but the accelerometer's.
-        let right = row.numbers[theta.len()];
-        let others = (0..theta.len()).map(|k| row.numbers[k] * theta[k]);
-        let expected = others.sum::<f64>() - right;
-        let found = left[own][row.coordinate];
-        assert!(
-            (found - expected).abs() < 1e-9 * (1.0 + right.abs()),
-            "{found} {expected}"
-        );
-        compared += 1;
-    });
+    each_row(
+        walk,
+        stance,
+        at,
+        &[],
+        |_| true,
+        |row| {
+            let start_us = (row.start * 1e6).round() as u64;
+            while windows[own].start_us < start_us {
+                own += 1;
+            }
+            // Sensors are taken off by the readings, and have no columns here but the accelerometer's.
+            let right = row.numbers[theta.len()];
+            let others = (0..theta.len()).map(|k| row.numbers[k] * theta[k]);
+            let expected = others.sum::<f64>() - right;
+            let found = left[own][row.coordinate];
+            assert!(
+                (found - expected).abs() < 1e-9 * (1.0 + right.abs()),
+                "{found} {expected}"
+            );
+            compared += 1;
+        },
+    );
     assert!(compared > 1000, "{compared}");
 }
 

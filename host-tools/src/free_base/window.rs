@@ -301,15 +301,20 @@ impl<'a> Window<'a> {
             let runs = &self.share.inertial[self.tree.runs_of(b)];
             for (&c, run) in self.tree.movers(b).iter().zip(runs) {
                 let scaled = run.map(|x| x * self.scale[c]);
+                // A foot's force reaches the base and its own leg: most numbers are zero.
                 for (part, direction) in parts.iter_mut().zip(&directions) {
-                    add(part, &scaled, direction[c]);
+                    if direction[c] != 0.0 {
+                        add(part, &scaled, direction[c]);
+                    }
                 }
                 add(&mut self.sum.inertial[bodies * c + b], &scaled, 1.0);
             }
             for c in 0..width {
                 let mut taken = [0.0; INERTIAL];
                 for (part, direction) in parts.iter().zip(&directions) {
-                    add(&mut taken, part, direction[c]);
+                    if direction[c] != 0.0 {
+                        add(&mut taken, part, direction[c]);
+                    }
                 }
                 add(&mut self.sum.inertial[bodies * c + b], &taken, -1.0);
             }

@@ -2,7 +2,8 @@
 //!
 //! Without a log: 20 s of twelve joints at 500 Hz, simulated, friction in the model, the whole catalogue tried. Processor time
 //! of all threads and the process's largest memory, as Linux counts them (`proc(5)`), against the budget: 2 s and
-//! 200 MB. Waiting for a busy machine does not count. Ends with status 1 above the budget.
+//! 200 MB. Waiting for a busy machine does not count, and of up to three runs the least counts: what shares the processor's memory can only add.
+//! Ends with status 1 above the budget.
 //!
 //! With logs: a table of what the commands `proprio diagnose` and `proprio identify` take for each, on one thread and on two, from the
 //! process's start to its end. There is no budget then.
@@ -29,6 +30,8 @@ type Failure = Box<dyn std::error::Error>;
 /// Half more than it was measured to take.
 const MOST_SECONDS: f64 = 2.0;
 const MOST_MEGABYTES: f64 = 200.0;
+/// A diagnosis that takes longer is run again, up to so many times in all.
+const RUNS: usize = 3;
 /// A short command is repeated for so long, s: processor time is counted in hundredths.
 const LONG_ENOUGH: f64 = 1.0;
 
@@ -121,21 +124,30 @@ fn within_budget() -> Result<bool, Failure> {
         let places: Vec<_> = (0..joints).map(|joint| (effect, joint)).collect();
         model.add_last(&places);
     }
-    let (begin, before) = (Instant::now(), processor_time());
-    let (duration, candidates) = diagnosed(&log, &model)?;
-    let wall = begin.elapsed().as_secs_f64();
-    let (Some(before), Some(after), Some(megabytes)) =
-        (before, processor_time(), peak_memory("self"))
-    else {
-        println!("diagnose: {wall:.2} s; this system does not say what of it was processor time");
-        return Ok(true);
-    };
-    let seconds = after - before;
-    println!(
-        "diagnose {duration:.0} s of {joints} joints, {candidates} candidates: {wall:.2} s, {seconds:.2} s of processor time (budget \
-         {MOST_SECONDS} s), {megabytes:.0} MB at most (budget {MOST_MEGABYTES} MB)",
-    );
-    Ok(seconds <= MOST_SECONDS && megabytes <= MOST_MEGABYTES)
+    let mut least = f64::INFINITY;
+    for _ in 0..RUNS {
+        let (begin, before) = (Instant::now(), processor_time());
+        let (duration, candidates) = diagnosed(&log, &model)?;
+        let wall = begin.elapsed().as_secs_f64();
+        let (Some(before), Some(after)) = (before, processor_time()) else {
+            println!(
+                "diagnose: {wall:.2} s; this system does not say what of it was processor time"
+            );
+            return Ok(true);
+        };
+        let seconds = after - before;
+        println!(
+            "diagnose {duration:.0} s of {joints} joints, {candidates} candidates: {wall:.2} s, {seconds:.2} s of processor time (budget \
+             {MOST_SECONDS} s)",
+        );
+        least = least.min(seconds);
+        if least <= MOST_SECONDS {
+            break;
+        }
+    }
+    let megabytes = peak_memory("self").ok_or("this system does not tell memory")?;
+    println!("{megabytes:.0} MB at most (budget {MOST_MEGABYTES} MB)");
+    Ok(least <= MOST_SECONDS && megabytes <= MOST_MEGABYTES)
 }
 
 /// Writes the log of four legs with typical friction and an effect that the model does not know.

@@ -77,8 +77,8 @@ impl<'a> WalkScreen<'a> {
             |own: &Vec<f64>| DVector::from_iterator(entry.len(), entry.iter().map(|e| own[*e]));
         let held_out: Vec<_> = factors.theta.iter().map(theta).collect();
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
-        let (together, _) = data.with_all(structure)?;
-        let thetas = [held_out.iter().collect(), vec![&together]];
+        let together = data.with_all(structure, &[&data.all])?;
+        let thetas = [held_out.iter().collect(), together.iter().collect()];
         let scale = &structure.robot.scale;
         let (mut stances, mut left) = (Vec::new(), vec![Vec::new(); scale.len()]);
         data.each_equation(walks, &thetas, |equation| {

@@ -157,7 +157,11 @@ impl Scan<'_> {
             }
         });
         let fitted = |n: usize| {
-            let own = self.data.columns().effects().filter(|(_, own, _)| *own == n);
+            let own = self
+                .data
+                .columns()
+                .effects()
+                .filter(|(_, own, _)| *own == n);
             own.into_iter().any(|(k, ..)| self.fit.theta()[k] != 0.0)
         };
         let states = self.data.joint_states(self.walks, log, walk, fitted);
@@ -218,7 +222,10 @@ impl Scan<'_> {
                         let samples = projection.samples().iter();
                         samples.map(|n| [of(n); MAX_COLUMNS]).collect()
                     }
-                    None => seen.iter().map(|state| effect.terms(state, *shape)).collect(),
+                    None => seen
+                        .iter()
+                        .map(|state| effect.terms(state, *shape))
+                        .collect(),
                 };
                 for (m, column) in columns.iter_mut().enumerate().take(count) {
                     column.fill(0.0);
