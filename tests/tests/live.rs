@@ -12,6 +12,14 @@ use proprio_tests::command::{
 };
 use proprio_tests::schema::Schema;
 use serde_json::Value;
+#[cfg(unix)]
+use {
+    portable_pty::{PtyPair, PtySize, native_pty_system},
+    proprio_core::go2::Leg,
+    proprio_host::device::power_up::PowerUp,
+    proprio_host::device::{BusStep, Robot},
+    proprio_simulator::hidden::typical,
+};
 
 /// Starts `proprio` with a pipe into it.
 fn start(folder: &Path, arguments: &[&str]) -> Child {
@@ -161,26 +169,43 @@ fn a_device_hears_the_rows_of_a_pipe() {
     assert!(watched["ranking"].as_array().unwrap().iter().any(lacks));
 }
 
-/// Two legs' buses through serial lines of the operating system: the bytes that a simulated robot's motors make, whose counts begin anywhere.
+/// Legs whose buses reach `proprio` through serial lines of the operating system: the bytes that a simulated robot's motors make, whose counts
+/// begin anywhere.
 #[cfg(unix)]
-#[test]
-fn adapters_on_two_motor_buses_become_a_log() {
-    use portable_pty::{PtySize, native_pty_system};
-    use proprio_core::go2::Leg;
-    use proprio_host::device::Robot;
-    use proprio_host::device::power_up::PowerUp;
-    use proprio_simulator::hidden::typical;
+struct Adapters {
+    legs: [Leg; 2],
+    /// What the buses carry.
+    counted: Vec<BusStep>,
+    /// The angles that it means.
+    angles: Vec<BusStep>,
+    power_up: PowerUp,
+    lines: [PtyPair; 2],
+}
 
-    let legs = [Leg::FR, Leg::RL];
-    let power_up = PowerUp::random(5);
-    // What the buses carry, and the angles that they mean.
-    let robot = |power_up| Robot::new(&legs, typical(&legs), 2).after(power_up);
-    let [counted, angles] = [power_up, PowerUp::NONE].map(|power_up| {
-        let robot = robot(power_up);
-        let steps = robot.steps().take(2_500).map(Result::unwrap);
-        steps.collect::<Vec<_>>()
-    });
-    let positions = |bytes: &[u8], leg: Leg| -> [f64; 3] {
+#[cfg(unix)]
+impl Adapters {
+    /// The buses of so many milliseconds.
+    fn of(milliseconds: usize) -> Self {
+        let legs = [Leg::FR, Leg::RL];
+        let power_up = PowerUp::random(5);
+        let robot = |power_up| Robot::new(&legs, typical(&legs), 2).after(power_up);
+        let [counted, angles] = [power_up, PowerUp::NONE].map(|power_up| {
+            let robot = robot(power_up);
+            let steps = robot.steps().take(milliseconds / 2).map(Result::unwrap);
+            steps.collect::<Vec<_>>()
+        });
+        let lines = legs.map(|_| native_pty_system().openpty(PtySize::default()).unwrap());
+        Self {
+            legs,
+            counted,
+            angles,
+            power_up,
+            lines,
+        }
+    }
+
+    /// The angles of a leg's joints that bytes of its bus mean, rad.
+    fn positions(bytes: &[u8], leg: Leg) -> [f64; 3] {
         use proprio_core::bus::{Decoder, Frame};
         let (mut decoder, mut rest, mut found) = (Decoder::new(), bytes, [f64::NAN; 3]);
         while let Some(frame) = decoder.next(&mut rest, &mut { usize::MAX }) {
@@ -191,59 +216,76 @@ fn adapters_on_two_motor_buses_become_a_log() {
         }
         assert!(found.iter().all(|q| q.is_finite()), "{}", leg.name());
         found
-    };
-    let folder = folder();
-    let at = folder.path();
-    let pairs = legs.map(|_| native_pty_system().openpty(PtySize::default()).unwrap());
-    let mut arguments: Vec<String> = vec!["record".into()];
-    for (leg, pair) in legs.iter().zip(&pairs) {
-        let port = pair.master.tty_name().unwrap();
-        arguments.push(format!("{}={}", leg.name(), port.display()));
     }
-    arguments.extend(["-o", "log.csv", "--json"].map(String::from));
-    for leg in legs {
-        let begin = positions(&angles[0].buses[leg.index()], leg);
-        for (joint, (name, q)) in leg.joint_names().iter().zip(begin).enumerate() {
-            arguments.push(format!("--at={name}={q}"));
-            if power_up.is_reversed(leg, joint) {
-                arguments.push(format!("--reversed={name}"));
+
+    /// The serial line of each leg, as a command takes it, and where the robot is when it begins.
+    fn arguments(&self) -> Vec<String> {
+        let mut arguments = Vec::new();
+        for (leg, line) in self.legs.iter().zip(&self.lines) {
+            let port = line.master.tty_name().unwrap();
+            arguments.push(format!("{}={}", leg.name(), port.display()));
+        }
+        for leg in self.legs {
+            let begin = Self::positions(&self.angles[0].buses[leg.index()], leg);
+            for (joint, (name, q)) in leg.joint_names().iter().zip(begin).enumerate() {
+                arguments.push(format!("--at={name}={q}"));
+                if self.power_up.is_reversed(leg, joint) {
+                    arguments.push(format!("--reversed={name}"));
+                }
             }
         }
+        arguments
     }
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let child = start(at, &words);
-    // Its ports are open, and say bytes as they come, once its temporary file is there.
-    let is_temporary = |entry: fs::DirEntry| entry.path().extension() == Some("tmp".as_ref());
-    let begun = || (fs::read_dir(at).unwrap()).any(|entry| is_temporary(entry.unwrap()));
+
+    /// Lets the robot rest for a moment where it begins, then move, and ends the command as Ctrl-C does.
+    fn play(&self, child: Child) -> Output {
+        let mut lines = (self.lines.each_ref()).map(|line| line.master.take_writer().unwrap());
+        for _ in 0..25 {
+            for (leg, line) in self.legs.iter().zip(&mut lines) {
+                line.write_all(&self.counted[0].buses[leg.index()]).unwrap();
+            }
+            thread::sleep(Duration::from_millis(2));
+        }
+        let begin = Instant::now();
+        for step in &self.counted {
+            thread::sleep(Duration::from_micros(step.time_us).saturating_sub(begin.elapsed()));
+            for (leg, line) in self.legs.iter().zip(&mut lines) {
+                line.write_all(&step.buses[leg.index()]).unwrap();
+            }
+        }
+        thread::sleep(Duration::from_millis(300));
+        let killed = Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status();
+        assert!(killed.unwrap().success());
+        child.wait_with_output().unwrap()
+    }
+}
+
+/// Waits until something holds, for up to half a minute.
+#[cfg(unix)]
+fn wait_until(holds: impl Fn() -> bool) {
     let started = Instant::now();
-    while !begun() && started.elapsed() < Duration::from_secs(30) {
+    while !holds() {
+        assert!(started.elapsed() < Duration::from_secs(30));
         thread::sleep(Duration::from_millis(20));
     }
-    assert!(begun());
-    let mut lines = pairs
-        .each_ref()
-        .map(|pair| pair.master.take_writer().unwrap());
-    // It rests where the user says for a moment.
-    for _ in 0..25 {
-        for (leg, line) in legs.iter().zip(&mut lines) {
-            line.write_all(&counted[0].buses[leg.index()]).unwrap();
-        }
-        thread::sleep(Duration::from_millis(2));
-    }
-    let begin = Instant::now();
-    for step in &counted {
-        thread::sleep(Duration::from_micros(step.time_us).saturating_sub(begin.elapsed()));
-        for (leg, line) in legs.iter().zip(&mut lines) {
-            line.write_all(&step.buses[leg.index()]).unwrap();
-        }
-    }
-    thread::sleep(Duration::from_millis(300));
-    let killed = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(killed.unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    let said = report(&output);
+}
+
+#[cfg(unix)]
+#[test]
+fn adapters_on_two_motor_buses_become_a_log() {
+    let adapters = Adapters::of(5_000);
+    let folder = folder();
+    let at = folder.path();
+    let mut arguments = adapters.arguments();
+    arguments.extend(["-o", "log.csv", "--json"].map(String::from));
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let child = start(at, &[&["record"], &words[..]].concat());
+    // Its ports are open, and say bytes as they come, once its temporary file is there.
+    let is_temporary = |entry: fs::DirEntry| entry.path().extension() == Some("tmp".as_ref());
+    wait_until(|| (fs::read_dir(at).unwrap()).any(|entry| is_temporary(entry.unwrap())));
+    let said = report(&adapters.play(child));
     let recorded = said["recorded"].as_u64().unwrap();
     println!("{said}");
     // What every adapter's user is told: of a machine that is so busy that a bus is silent for 0.1 s the zeros are void, and what follows is left out.
@@ -256,13 +298,14 @@ fn adapters_on_two_motor_buses_become_a_log() {
     let rows = lines_of_numbers(&at.join("log.csv"));
     let names: Vec<&str> = rows.0.iter().map(String::as_str).collect();
     let place = |name: &str| names.iter().position(|known| *known == name).unwrap();
+    let angles = &adapters.angles;
     let mut next = 0;
     for row in &rows.1 {
         let q = Leg::FR
             .joint_names()
             .map(|joint| row[place(&format!("q/{joint}"))]);
         let off = |n: &usize| {
-            let known = positions(&angles[*n].buses[0], Leg::FR);
+            let known = Adapters::positions(&angles[*n].buses[0], Leg::FR);
             let off = known.iter().zip(q).map(|(known, q)| (known - q).abs());
             off.fold(0.0, f64::max)
         };
@@ -274,7 +317,7 @@ fn adapters_on_two_motor_buses_become_a_log() {
             .joint_names()
             .map(|joint| row[place(&format!("q/{joint}"))]);
         let near = angles[found.saturating_sub(5)..(found + 5).min(angles.len())].iter();
-        let near = near.map(|step| positions(&step.buses[3], Leg::RL));
+        let near = near.map(|step| Adapters::positions(&step.buses[3], Leg::RL));
         for (joint, q) in other.into_iter().enumerate() {
             let range = near
                 .clone()
@@ -292,7 +335,39 @@ fn adapters_on_two_motor_buses_become_a_log() {
     let import = ["import", "log.csv", "-o", "imported.csv", "--json"];
     let imported = json(&done(at, &import));
     assert!(imported["samples"].as_u64().unwrap() > recorded * 9 / 10);
-    drop((lines, pairs));
+}
+
+/// The device in this process hears both buses as a board on the robot would: nearly every cycle, and friction is what was simulated.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_device_hears_adapters_on_two_motor_buses() {
+    let adapters = Adapters::of(12_000);
+    let folder = folder();
+    let arguments = adapters.arguments();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let child = start(
+        folder.path(),
+        &[&["monitor", "--json"], &words[..]].concat(),
+    );
+    let files = format!("/proc/{}/fd", child.id());
+    let has_open = |port: &Path| {
+        let files = fs::read_dir(&files).into_iter().flatten();
+        files
+            .flatten()
+            .any(|file| fs::read_link(file.path()).is_ok_and(|of| of == port))
+    };
+    for line in &adapters.lines {
+        let port = line.master.tty_name().unwrap();
+        wait_until(|| has_open(&port));
+    }
+    let output = adapters.play(child);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = json(&stdout(&output));
+    println!("{said}");
+    for (leg, truth) in [("FR", 0), ("RL", 3)] {
+        let heard = &said["counters"]["legs"][truth];
+        assert!(heard["samples"].as_u64().unwrap() > 5_000, "{leg}: {heard}");
+    }
 }
 
 /// A table's names and rows.
