@@ -337,7 +337,7 @@ fn adapters_on_two_motor_buses_become_a_log() {
     assert!(imported["samples"].as_u64().unwrap() > recorded * 9 / 10);
 }
 
-/// The device in this process hears both buses as a board on the robot would: nearly every cycle, and friction is what was simulated.
+/// The device in this process receives the cycles of both buses, and nothing of the legs without an adapter.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_device_hears_adapters_on_two_motor_buses() {
@@ -363,10 +363,22 @@ fn a_device_hears_adapters_on_two_motor_buses() {
     let output = adapters.play(child);
     assert!(output.status.success(), "{}", stderr(&output));
     let said = json(&stdout(&output));
-    println!("{said}");
-    for (leg, truth) in [("FR", 0), ("RL", 3)] {
-        let heard = &said["counters"]["legs"][truth];
-        assert!(heard["samples"].as_u64().unwrap() > 5_000, "{leg}: {heard}");
+    // As of a recording: a machine that is so busy that a bus is silent for 0.1 s voids the zeros.
+    let voided = said["events"].to_string().contains("zero is unknown since");
+    for (n, leg) in said["counters"]["legs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .enumerate()
+    {
+        let samples = leg["samples"].as_u64().unwrap();
+        match Leg::ALL[n] {
+            Leg::FR | Leg::RL => {
+                assert!(samples > if voided { 50 } else { 5_000 }, "{n}: {leg}");
+                assert_eq!([&leg["bad_crc"], &leg["skipped_bytes"]], [0, 0], "{leg}");
+            }
+            Leg::FL | Leg::RR => assert_eq!(samples, 0, "{leg}"),
+        }
     }
 }
 
