@@ -92,7 +92,7 @@ pub(crate) struct Scan<'a> {
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
     /// Of each joint the samples of these windows, one window's after the other's, if a scan asks.
-    seen: Vec<OnceLock<Vec<Seen>>>,
+    samples: Vec<OnceLock<Vec<WindowSample>>>,
     /// Of each joint its way, if a scan asks.
     ways: Vec<OnceLock<Vec<Way>>>,
     /// The columns of an effect of some shape over all of its joint's windows.
@@ -102,7 +102,7 @@ pub(crate) struct Scan<'a> {
 }
 
 /// A sample of a window.
-struct Seen {
+struct WindowSample {
     state: JointState<f64>,
     /// The time that it stands for in the integral over the window, s.
     weight: f64,
@@ -139,7 +139,7 @@ impl<'a> Scan<'a> {
             at,
             windows,
             residuals,
-            seen: (0..data.joints()).map(|_| OnceLock::new()).collect(),
+            samples: (0..data.joints()).map(|_| OnceLock::new()).collect(),
             ways: vec![OnceLock::new(); data.joints()],
             made: Kept::default(),
             is_near: false,
@@ -326,25 +326,25 @@ impl<'a> Scan<'a> {
         let term = |k: usize| states.terms(k, (effect, joint), shape);
         // Of the catalogue none sees the other joints: its state is put together once for all shapes.
         let is_own = matches!(effect, EffectKind::Own(_));
-        let mut seen = self.seen(joint).iter();
+        let mut all = self.samples(joint).iter();
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
             let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let samples = seen.by_ref().take(last + 1 - first);
+            let samples = all.by_ref().take(last + 1 - first);
             // Below a limit nothing is lost, and most windows are below most limits.
             if greatest.is_some_and(|greatest| term(greatest[at])[0].rate == 0.0) {
                 samples.for_each(drop);
                 continue;
             }
             let mut sums = [0.0; MAX_COLUMNS];
-            for (k, seen) in (first..).zip(samples) {
+            for (k, sample) in (first..).zip(samples) {
                 let terms = match is_own {
                     true => term(k),
-                    false => effect.terms(&seen.state, shape),
+                    false => effect.terms(&sample.state, shape),
                 };
                 for (sum, term) in sums.iter_mut().zip(terms) {
-                    *sum += seen.weight * term.rate + seen.edge * term.boundary;
+                    *sum += sample.weight * term.rate + sample.edge * term.boundary;
                 }
             }
             for (column, sum) in columns.iter_mut().zip(sums) {
@@ -354,13 +354,13 @@ impl<'a> Scan<'a> {
         columns
     }
 
-    fn seen(&self, joint: usize) -> &Vec<Seen> {
+    fn samples(&self, joint: usize) -> &Vec<WindowSample> {
         let states = self.states();
-        made_once(&self.seen[joint], || {
+        made_once(&self.samples[joint], || {
             let windows = self.windows[joint].iter();
             let samples = windows.flat_map(|&w| {
                 let [first, last] = self.data.motion.windows[w].samples;
-                (first..=last).map(move |k| Seen {
+                (first..=last).map(move |k| WindowSample {
                     state: states.joint(k, joint),
                     weight: self.weight(first..last, k),
                     edge: f64::from(u8::from(k == last)) - f64::from(u8::from(k == first)),

@@ -173,7 +173,7 @@ impl Data {
         &self.setup.columns
     }
 
-    /// The rows of all windows but those `outside`, at the parameters of `setup`; at these `readings`.
+    /// The rows of all windows but those `outside`, at the parameters of `setup` and with these `readings`.
     pub(super) fn made(
         walks: &Walks,
         setup: RowSetup,
@@ -450,7 +450,7 @@ fn sums_of(columns: usize, blocks: &[Block]) -> (Sum, Vec<Part>) {
         let middle = folded(&blocks[first + 1..last]);
         let [first, last] = [first, last].map(|k| &blocks[k].folded);
         let without_last = Folded::of(columns, [&middle, first]);
-        OfPart {
+        PartBlocks {
             all: Folded::of(columns, [&without_last, last]),
             without_first: Folded::of(columns, [&middle, last]),
             without_last,
@@ -474,7 +474,7 @@ fn sums_of(columns: usize, blocks: &[Block]) -> (Sum, Vec<Part>) {
 }
 
 /// The blocks of a part of the time.
-struct OfPart {
+struct PartBlocks {
     all: Folded,
     without_first: Folded,
     without_last: Folded,

@@ -127,7 +127,7 @@ impl<'a> Projection<'a> {
     }
 
     /// What effects see of a joint at each of them; no bristles.
-    pub(crate) fn seen(&self, joint: usize) -> Vec<JointState<f64>> {
+    pub(crate) fn joint_states(&self, joint: usize) -> Vec<JointState<f64>> {
         let samples = self.span.samples.iter();
         samples
             .map(|&n| self.states.joint(n, joint, usize::MAX))

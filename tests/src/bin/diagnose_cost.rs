@@ -27,7 +27,7 @@ use proprio_tests::cost::{processor_time, processor_time_of_children};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Half more than it was measured to take.
+/// What a diagnosis of these 20 s may take, s of processor time and MB.
 const MOST_SECONDS: f64 = 2.0;
 const MOST_MEGABYTES: f64 = 200.0;
 /// A diagnosis that takes longer is run again, up to so many times in all.

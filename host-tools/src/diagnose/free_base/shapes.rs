@@ -149,7 +149,7 @@ impl Scan<'_> {
     fn of_log(&self, log: usize, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<Vec<Sums>>> {
         let sites = &self.data.columns().sites;
         let walk = &self.data.corrected(&self.walks.walks[log].0);
-        let bent = side_by_side(tried, |(n, grid)| {
+        let impulses = side_by_side(tried, |(n, grid)| {
             let (effect, joint) = sites[*n].place;
             match effect.description().input {
                 Input::Bristles => bristles(walk, joint, grid),
@@ -157,12 +157,8 @@ impl Scan<'_> {
             }
         });
         let fitted = |n: usize| {
-            let own = self
-                .data
-                .columns()
-                .effects()
-                .filter(|(_, own, _)| *own == n);
-            own.into_iter().any(|(k, ..)| self.fit.theta()[k] != 0.0)
+            let mut effects = self.data.columns().effects();
+            effects.any(|(k, own, _)| own == n && self.fit.theta()[k] != 0.0)
         };
         let states = self.data.joint_states(self.walks, log, walk, fitted);
         let windows = self.data.windows_of(log);
@@ -182,18 +178,18 @@ impl Scan<'_> {
                 .collect();
             for (left, window) in *piece {
                 let projection = self.data.projection(self.walks, log, &states, window);
-                self.add_window(&mut sums, tried, &bent, (left, &projection));
+                self.add_window(&mut sums, tried, &impulses, (left, &projection));
             }
             sums
         })
     }
 
-    /// Adds a window's products to the sums of each effect and shape; `bent` are those of bristles.
+    /// Adds a window's products to the sums of each effect and shape; `impulses` are those of bristles.
     fn add_window(
         &self,
         sums: &mut [Vec<Sums>],
         tried: &[(usize, Vec<f64>)],
-        bent: &[Vec<Vec<f64>>],
+        impulses: &[Vec<Vec<f64>>],
         (left, projection): (&LeftOfWindow, &Projection<'_>),
     ) {
         let sites = &self.data.columns().sites;
@@ -202,18 +198,18 @@ impl Scan<'_> {
         let mut columns: [_; MAX_COLUMNS] = std::array::from_fn(|_| zeros());
         for (t, (n, grid)) in tried.iter().enumerate() {
             let (effect, joint) = sites[*n].place;
-            let seen = projection.seen(joint);
+            let states = projection.joint_states(joint);
             let basis = basis[joint].get_or_insert_with(|| {
                 BASIS.map(|effect| {
                     let mut column = zeros();
-                    projection.add(joint, |k| effect.term(&seen[k]), &mut column);
+                    projection.add(joint, |k| effect.term(&states[k]), &mut column);
                     column
                 })
             });
             let residual = self.residual(left, projection, *n);
             let count = sites[*n].linear.len();
             for (s, shape) in grid.iter().enumerate() {
-                let terms: Vec<[Term<f64>; MAX_COLUMNS]> = match bent[t].get(s) {
+                let terms: Vec<[Term<f64>; MAX_COLUMNS]> = match impulses[t].get(s) {
                     Some(impulse) => {
                         let of = |n: &usize| Term {
                             boundary: impulse[*n],
@@ -222,7 +218,7 @@ impl Scan<'_> {
                         let samples = projection.samples().iter();
                         samples.map(|n| [of(n); MAX_COLUMNS]).collect()
                     }
-                    None => seen
+                    None => states
                         .iter()
                         .map(|state| effect.terms(state, *shape))
                         .collect(),
