@@ -7,6 +7,7 @@ pub mod changing;
 pub mod command;
 pub mod cost;
 pub mod device_fit;
+pub mod emulator;
 pub mod motion;
 pub mod oracle;
 pub mod prior_reach;

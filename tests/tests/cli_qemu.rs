@@ -2,24 +2,12 @@
 //!
 //! Without the emulator these tests fail, unless `PROPRIO_SKIP_QEMU` is set; then they say that they were skipped.
 
-use std::process::Command;
-
-use proprio_host::device::qemu::EMULATOR;
 use proprio_tests::command::{done, folder, json, parameter};
-
-/// Whether the emulator is there; if not, it must be allowed to be missing.
-fn emulated() -> bool {
-    let there = Command::new(EMULATOR).arg("--version").output().is_ok();
-    if !there && std::env::var_os("PROPRIO_SKIP_QEMU").is_some() {
-        eprintln!("SKIPPED: {EMULATOR} is not installed (PROPRIO_SKIP_QEMU is set)");
-        return false;
-    }
-    true
-}
+use proprio_tests::emulator;
 
 #[test]
 fn the_emulated_boards_estimates_are_live_and_its_factors_can_be_read() {
-    if !emulated() {
+    if !emulator::is_there() {
         return;
     }
     let folder = folder();
@@ -82,7 +70,7 @@ fn the_emulated_boards_estimates_are_live_and_its_factors_can_be_read() {
 
 #[test]
 fn what_the_emulated_board_hears_is_captured_and_explained() {
-    if !emulated() {
+    if !emulator::is_there() {
         return;
     }
     let folder = folder();

@@ -11,22 +11,14 @@ use proprio_core::wire::{
     SCHEMA, Solution,
 };
 use proprio_host::device::replay::{ReplayError, bus_step, replay};
-use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio_host::device::{BusStep, Desktop, Device, Qemu, image};
+use proprio_tests::emulator::unless_missing;
 use proprio_tests::motion;
 
 /// The emulated board with the image for `scalar`; `None` if the emulator is missing and may be.
 fn boot(scalar: image::Scalar) -> Option<Qemu> {
     let image = image::build(scalar).unwrap();
-    match Qemu::boot(&image) {
-        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
-            eprintln!(
-                "SKIPPED: {} (PROPRIO_SKIP_QEMU is set)",
-                DeviceError::NoEmulator
-            );
-            None
-        }
-        booted => Some(booted.unwrap()),
-    }
+    unless_missing(Qemu::boot(&image))
 }
 
 /// `samples` steps of the legs in `legs`.

@@ -1,19 +1,13 @@
 //! What ended a run is told by the next: an image that panics and faults on purpose, with the firmware's own handlers.
 
-use proprio_host::device::{DeviceError, image, qemu};
+use proprio_host::device::{image, qemu};
+use proprio_tests::emulator::unless_missing;
 
 #[test]
 fn a_panic_and_a_fault_are_told_at_the_next_start_once() {
     let image = image::crashes(image::Scalar::F64).unwrap();
-    let output = match qemu::run(&image) {
-        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
-            eprintln!(
-                "SKIPPED: {} (PROPRIO_SKIP_QEMU is set)",
-                DeviceError::NoEmulator
-            );
-            return;
-        }
-        output => output.unwrap(),
+    let Some(output) = unless_missing(qemu::run(&image)) else {
+        return;
     };
     // Between the lines is the log. Each line: what the run before ended with, and the same asked again.
     let told: Vec<&str> = output.lines().filter(|line| line.ends_with('|')).collect();

@@ -7,7 +7,8 @@ use proprio_core::wire::{
     Action, Counters, DeviceMessage, Estimate, HostMessage, Kept, Outcome, Request,
 };
 use proprio_host::device::replay::bus_step;
-use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio_host::device::{BusStep, Desktop, Device, Qemu, image};
+use proprio_tests::emulator::unless_missing;
 use proprio_tests::motion;
 
 /// Steps of a moving robot, and of one that is silent while it is kept.
@@ -17,16 +18,7 @@ const SILENT: u64 = 8_000;
 /// A board whose power was on until now, if the emulator is there.
 fn boot(flash: &Path) -> Option<Qemu> {
     let image = image::build(image::Scalar::F64).unwrap();
-    match Qemu::boot_with(&image, flash) {
-        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
-            eprintln!(
-                "SKIPPED: {} (PROPRIO_SKIP_QEMU is set)",
-                DeviceError::NoEmulator
-            );
-            None
-        }
-        booted => Some(booted.unwrap()),
-    }
+    unless_missing(Qemu::boot_with(&image, flash))
 }
 
 /// What a device has said of all that matters here.

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_tests::command::{done, json, parameter, recorded_logs};
+use proprio_tests::emulator;
 
 /// The first `rows` samples of a recorded log, only the columns whose joint is one of `legs`' (all of them if empty).
 fn excerpt(log: &Path, rows: usize, legs: &[&str]) -> String {
@@ -31,8 +32,7 @@ fn excerpt(log: &Path, rows: usize, legs: &[&str]) -> String {
 #[test]
 fn the_board_and_the_desktop_agree_on_a_recorded_log() {
     let Some(logs) = recorded_logs() else { return };
-    if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() {
-        println!("SKIPPED: PROPRIO_SKIP_QEMU is set");
+    if !emulator::is_there() {
         return;
     }
     let log = logs.join("go2_air_chirp_9.0hz_p25d5.0.csv");

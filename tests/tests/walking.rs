@@ -7,13 +7,14 @@ use proprio_core::spatial::Transform;
 use proprio_core::walk::{WalkEstimate, WalkMemory, WalkSample, Walker};
 use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Walk};
 use proprio_host::device::replay::walk_step;
-use proprio_host::device::{BusStep, Device, DeviceError, Qemu, WalkStep, WalkingDesktop, image};
+use proprio_host::device::{BusStep, Device, Qemu, WalkStep, WalkingDesktop, image};
 use proprio_host::estimate::Constraint;
 use proprio_host::identify::identify_free_base;
 use proprio_host::live::{self, Counts, Until};
 use proprio_host::log::{LiveMessage, LiveMessages, LogReader, Selection};
 use proprio_host::model::Model;
 use proprio_host::monitor::{self, Entry, Feed, Live, Told};
+use proprio_tests::emulator::unless_missing;
 use proprio_tests::walks;
 use std::f64::consts::PI;
 
@@ -134,13 +135,8 @@ fn here(steps: &[WalkStep]) -> (Vec<Walk>, Counters) {
 
 /// What the image says on the emulated board.
 fn emulated(steps: &[WalkStep]) -> Option<(Vec<Walk>, Counters)> {
-    let mut board = match Qemu::boot(&image::walking(image::Scalar::F64).unwrap()) {
-        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
-            eprintln!("SKIPPED: PROPRIO_SKIP_QEMU is set");
-            return None;
-        }
-        booted => booted.unwrap(),
-    };
+    let image = image::walking(image::Scalar::F64).unwrap();
+    let mut board = unless_missing(Qemu::boot(&image))?;
     Some(told(&mut board, steps))
 }
 

@@ -3,6 +3,7 @@
 //! A program that lies in its clone's target folder builds there, as cargo would. Any other builds in the user's cache, and leaves the clone as
 //! it is: that may be read-only, or another user's. `CARGO_TARGET_DIR` goes before both.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -61,6 +62,13 @@ fn build_for(board: &str, scalar: Scalar) -> Result<PathBuf, DeviceError> {
         );
     }
     let underway = Underway::new("Building the firmware");
+    // cargo has one file for the images of both scalars: between its end and the copies' none else may build.
+    let firmware = folder.join("firmware");
+    let lock = std::fs::create_dir_all(&firmware)
+        .and_then(|()| File::create(firmware.join("lock")))
+        .and_then(|lock| lock.lock().map(|()| lock));
+    let lock =
+        lock.map_err(|error| DeviceError::Build(format!("{}: {error}", firmware.display())))?;
     let output = Command::new("sh")
         .arg(&script)
         .args([scalar.name(), board])
@@ -72,7 +80,7 @@ fn build_for(board: &str, scalar: Scalar) -> Result<PathBuf, DeviceError> {
         .stderr(Stdio::inherit())
         .output()
         .map_err(|error| DeviceError::Build(format!("{}: {error}", script.display())))?;
-    drop(underway);
+    drop((lock, underway));
     if !output.status.success() {
         return Err(DeviceError::Build(format!(
             "{}: {}",

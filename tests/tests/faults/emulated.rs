@@ -1,7 +1,8 @@
 //! The same faults heard by the firmware's image on the emulated board: it says what the desktop says.
 
 use proprio_core::wire::{Counters, DeviceMessage};
-use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
+use proprio_host::device::{BusStep, Device, Qemu, image};
+use proprio_tests::emulator::unless_missing;
 
 use super::cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
 use super::{SILENT, adds_up, finite, friction_off, others, play};
@@ -24,16 +25,7 @@ const OF_HOST: [&str; 2] = [
 /// Plays on the emulated board what `play` plays on the desktop; `None` if there is no emulator and need be none.
 fn emulated(fault: &mut Fault) -> Option<Outcome> {
     let image = image::build(image::Scalar::F64).unwrap();
-    let mut qemu = match Qemu::boot(&image) {
-        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
-            eprintln!(
-                "SKIPPED: {} (PROPRIO_SKIP_QEMU is set)",
-                DeviceError::NoEmulator
-            );
-            return None;
-        }
-        booted => booted.unwrap(),
-    };
+    let mut qemu = unless_missing(Qemu::boot_fast(&image))?;
     let (mut estimate, mut answers, mut bytes) = (None, 0, 0);
     let mut counters = Counters::default();
     let mut hear = |message| match message {
