@@ -42,7 +42,7 @@ pub(crate) fn predict(
             motion,
             rigid: body.loaded(values),
             base: body.base(values),
-            states: motion.states_of(body, values, (&columns, &made), (delay, &asked)),
+            states: motion.states_of(body, values, (&columns, &made), (delay, &asked), true),
             effects: contributions(&columns, values),
             joints,
         };
@@ -91,7 +91,7 @@ impl<'a> LooseLink<'a> {
         values.remove(place);
         let nothing = Columns::new(subtree_end.to_vec(), Vec::new());
         let pass = |(delay, joints)| {
-            let states = motion.states_of(body, &values, (&nothing, &[]), (delay, &None));
+            let states = motion.states_of(body, &values, (&nothing, &[]), (delay, &None), true);
             let pass = Pass {
                 motion,
                 rigid: body.loaded(&values),

@@ -62,7 +62,32 @@ pub(crate) enum Column {
     Sensor(usize),
 }
 
+/// Whose states a column's numbers at an instant are made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Sees {
+    /// No joint's: the links' motion alone, or nothing.
+    None,
+    /// Its joint's.
+    Own,
+    /// Any joint's.
+    All,
+}
+
 impl Column {
+    /// Whose states its numbers at an instant are made of.
+    pub(super) fn sees(&self) -> Sees {
+        match self {
+            Self::Inertial(..) | Self::Gravity(_) => Sees::None,
+            Self::Load { .. } | Self::Scale(_) | Self::Sensor(_) => Sees::None,
+            // Of the catalogue none that has window terms of its own sees the other joints.
+            Self::Own { effect, .. } => match effect {
+                EffectKind::Own(_) => Sees::All,
+                _ => Sees::Own,
+            },
+            Self::Coupled { .. } | Self::Motion { .. } | Self::Delay => Sees::All,
+        }
+    }
+
     /// Whether it is one of a load.
     pub(super) fn is_load(&self) -> bool {
         matches!(self, Self::Load { .. })

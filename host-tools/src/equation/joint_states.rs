@@ -25,9 +25,9 @@ use crate::trajectory::Trajectory;
 pub(crate) struct States {
     /// The first sample.
     pub(crate) first: usize,
-    /// The link's position, rad.
+    /// The link's position, rad; nothing where it is not asked for.
     pub(crate) q: Vec<f64>,
-    /// The link's velocity, rad/s.
+    /// The link's velocity, rad/s; nothing where it is not asked for.
     pub(crate) dq: Vec<f64>,
     /// The motors' motion, as late as torques are reported, and what their encoders get wrong.
     pub(super) motors: Arc<Vec<Trajectory>>,
@@ -129,28 +129,18 @@ impl Motion {
         delay: f64,
     ) -> States {
         let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-        self.states_for(&made, body, values, columns, delay)
+        self.states_of(body, values, (columns, &made), (delay, &None), true)
     }
 
-    /// The same of which only the columns `made` are asked.
-    pub(crate) fn states_for(
-        &self,
-        made: &[&Column],
-        body: &LimbBody,
-        values: &Values,
-        columns: &Columns,
-        delay: f64,
-    ) -> States {
-        self.states_of(body, values, (columns, made), (delay, &None))
-    }
-
-    /// The same of the samples that are `asked` for.
+    /// The same of which only the columns `made` are asked, of the samples that are `asked` for, and of the links' motion only where
+    /// `links` says so.
     pub(crate) fn states_of(
         &self,
         body: &LimbBody,
         values: &Values,
         (columns, made): (&Columns, &[&Column]),
         (delay, asked): (f64, &Asked),
+        links: bool,
     ) -> States {
         let n = self.joints;
         let needs = Needs::of(values, made);
@@ -165,22 +155,26 @@ impl Motion {
             let displacement = displacement(seen, j)?;
             Some(self.kept_presliding((&motors, delay), j, displacement))
         };
-        let (encoders, room): (Vec<_>, usize) = (values.encoders().collect(), n * range.len());
+        let encoders: Vec<_> = values.encoders().collect();
         let mut states = States {
             first: range.start,
-            q: Vec::with_capacity(room),
-            dq: Vec::with_capacity(room),
             bristles: (0..n).map(bristles).collect(),
             temperature: self.temperature.clone(),
             time: self.time.clone(),
             ..States::default()
         };
-        for k in range {
-            for (motor, encoder) in motors.iter().zip(&encoders) {
-                let [q, dq, ..] = motor.state[k];
-                let [q, dq] = encoder.motion([q, dq]);
-                states.q.push(q);
-                states.dq.push(dq);
+        // What loads the gears moves with the links.
+        let links = links || needs.load;
+        if links {
+            states.q.reserve_exact(n * range.len());
+            states.dq.reserve_exact(n * range.len());
+            for k in range {
+                for (motor, encoder) in motors.iter().zip(&encoders) {
+                    let [q, dq, ..] = motor.state[k];
+                    let [q, dq] = encoder.motion([q, dq]);
+                    states.q.push(q);
+                    states.dq.push(dq);
+                }
             }
         }
         (states.motors, states.encoders) = (motors.clone(), encoders);
@@ -197,7 +191,9 @@ impl Motion {
                 self.fill_torque(&load.torque, (values, columns), &needs, &mut states);
             }
         }
-        self.measure_links((&motors, delay), &mut states);
+        if links {
+            self.measure_links((&motors, delay), &mut states);
+        }
         states
     }
 

@@ -15,7 +15,7 @@ use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
 use super::body::LimbBody;
-use super::column::{Column, Columns};
+use super::column::{Column, Columns, Sees};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
 use super::joint_states::States;
@@ -219,7 +219,8 @@ struct Pass<'a> {
     made: Vec<Made>,
     with_regressors: bool,
     with_slopes: bool,
-    with_states: bool,
+    /// The joints whose states the columns see.
+    seen: Vec<usize>,
 }
 
 /// Of a joint's columns that are made those of bodies and all others, each with its place among those that are made.
@@ -269,7 +270,7 @@ struct Workspace {
     momentum: Vec<f64>,
     rate: Vec<f64>,
     slopes: Slopes,
-    /// What the joints' effects see.
+    /// What the joints' effects see; of joints that no column sees, what they saw at the first sample.
     states: Vec<JointState<f64>>,
 }
 
@@ -286,16 +287,22 @@ impl<'a> Pass<'a> {
             .flat_map(|(own, columns)| own.iter().map(|&c| &columns[c]))
             .collect();
         let any = |is: fn(&&Column) -> bool| made.iter().copied().any(|c| is(&c));
+        let with_regressors = any(|c| matches!(c, Column::Inertial(..)));
+        let with_slopes = any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_)));
+        let links = with_regressors || with_slopes;
+        let sees = |j: usize| (own[j].iter().map(|&c| columns.of_joint[j][c].sees())).max();
+        let all = (0..motion.joints).any(|j| sees(j) == Some(Sees::All));
+        let seen = (0..motion.joints).filter(|&j| all || sees(j) == Some(Sees::Own));
         let of_joint = own.iter().zip(&columns.of_joint);
         Self {
             motion,
             columns,
             rigid: body.loaded(values),
             base: body.base(values),
-            with_regressors: any(|c| matches!(c, Column::Inertial(..))),
-            with_slopes: any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_))),
-            with_states: any(|c| !matches!(c, Column::Inertial(..))),
-            states: motion.states_for(&made, body, values, columns, delay),
+            with_regressors,
+            with_slopes,
+            seen: seen.collect(),
+            states: motion.states_of(body, values, (columns, &made), (delay, &None), links),
             made: of_joint
                 .map(|(own, columns)| Made::of(own.iter().map(|&c| columns[c])))
                 .collect(),
@@ -396,16 +403,20 @@ impl<'a> Pass<'a> {
             slopes,
             states,
         } = workspace;
-        let [q, dq] = [&self.states.q[at.clone()], &self.states.dq[at.clone()]];
-        if self.with_regressors {
-            let momentum = edge.then_some(&mut momentum[..]);
-            self.rigid.regressors(&self.base, q, dq, momentum, rate);
+        if self.with_regressors || self.with_slopes {
+            let [q, dq] = [&self.states.q[at.clone()], &self.states.dq[at]];
+            if self.with_regressors {
+                let momentum = edge.then_some(&mut momentum[..]);
+                self.rigid.regressors(&self.base, q, dq, momentum, rate);
+            }
+            if self.with_slopes {
+                self.rigid.slopes(&self.base, q, dq, slopes);
+            }
         }
-        if self.with_slopes {
-            self.rigid.slopes(&self.base, q, dq, slopes);
-        }
-        if self.with_states {
-            self.states.all(k, states);
+        match (states.is_empty(), &self.seen[..]) {
+            (_, []) => {}
+            (true, _) => self.states.all(k, states),
+            (false, seen) => (seen.iter()).for_each(|&j| states[j] = self.states.joint(k, j)),
         }
         let (mut boundaries, mut rates) = (&mut out.boundary[..], &mut out.rate[..]);
         for (j, own) in self.own.iter().enumerate() {
