@@ -167,3 +167,19 @@ pub fn recorded_logs() -> Option<PathBuf> {
         None
     }
 }
+
+/// The recorded chirps of a hung Go2, in the order of their names; none where there are no [`recorded_logs`].
+///
+/// # Panics
+/// Where the folder has not all five.
+pub fn recorded_chirps() -> Vec<PathBuf> {
+    let Some(logs) = recorded_logs() else {
+        return Vec::new();
+    };
+    let files = std::fs::read_dir(logs).expect("a folder").flatten();
+    let is_chirp = |path: &PathBuf| path.display().to_string().contains("go2_air_chirp_");
+    let mut chirps: Vec<PathBuf> = files.map(|file| file.path()).filter(is_chirp).collect();
+    chirps.sort();
+    assert_eq!(chirps.len(), 5, "{chirps:?}");
+    chirps
+}

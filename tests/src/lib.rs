@@ -15,3 +15,4 @@ pub mod recorder;
 pub mod report_example;
 pub mod schema;
 pub mod walks;
+pub mod zeros;

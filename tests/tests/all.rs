@@ -57,6 +57,7 @@ mod real_emps;
 mod real_fits;
 mod real_gates;
 mod real_kuka;
+mod real_wiring;
 mod recordings;
 mod report;
 mod rollout;

@@ -6,7 +6,7 @@ use std::path::Path;
 use proprio_host::detect::mismatch::mismatches;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_tests::command::{done, proprio, recorded_logs, simulated, stderr};
+use proprio_tests::command::{done, proprio, recorded_chirps, recorded_logs, simulated, stderr};
 
 /// A log's cells, heads first.
 type Cells = Vec<Vec<String>>;
@@ -284,16 +284,8 @@ fn a_robot_that_walks_is_not_judged_as_if_it_hung() {
 /// Robots on which nothing is wrong; of every case of the battery a test of its own asks.
 #[test]
 fn real_logs_of_hung_robots_are_not_doubted() {
-    let Some(logs) = recorded_logs() else { return };
     let model = Model::default();
-    let mut chirps: Vec<_> = fs::read_dir(&logs)
-        .unwrap()
-        .flatten()
-        .map(|e| e.path())
-        .collect();
-    chirps.retain(|path| path.to_string_lossy().contains("air_chirp"));
-    assert!(chirps.len() >= 5);
-    for log in chirps {
+    for log in recorded_chirps() {
         let recording = Recording::read(&[log], &model, |_, _| ()).unwrap();
         assert_eq!(mismatches(&recording, &model), [], "{:?}", recording.logs);
     }

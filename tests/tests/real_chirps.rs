@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use proprio_tests::command::{binary, done, folder, json, recorded_logs, steps};
+use proprio_tests::command::{binary, done, folder, json, recorded_chirps, recorded_logs, steps};
 use serde_json::Value;
 
 /// The errors of each log, N m, by a result or by a step of its path.
@@ -21,15 +21,11 @@ fn errors(of: &Value) -> Vec<f64> {
 /// Every step predicts each log better from the others, or as well, and calves have Coulomb friction and rotors.
 #[test]
 fn no_step_raises_the_error_on_another_log() {
-    let Some(logs) = recorded_logs() else { return };
-    let mut chirps: Vec<String> = fs::read_dir(&logs)
-        .unwrap()
-        .map(|entry| entry.unwrap().path().display().to_string())
-        .filter(|path| path.contains("go2_air_chirp_"))
-        .collect();
-    chirps.sort();
-    assert_eq!(chirps.len(), 5);
-    let chirps: Vec<&str> = chirps.iter().map(String::as_str).collect();
+    let chirps = recorded_chirps();
+    if chirps.is_empty() {
+        return;
+    }
+    let chirps: Vec<&str> = chirps.iter().filter_map(|path| path.to_str()).collect();
     let told = json(&done(
         folder().path(),
         &[&["diagnose", "--json"], &chirps[..]].concat(),

@@ -12,14 +12,11 @@ use std::process::ExitCode;
 use object::{Object, ObjectSection, SectionFlags, elf};
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::window::Sample;
-use proprio_core::wire::{
-    Action, Counters, DeviceMessage, HostMessage, Load, Positions, Request, SetZero, Wiring,
-};
+use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Load, Wiring};
 use proprio_host::device::image::{self, Scalar};
-use proprio_host::device::power_up::PowerUp;
-use proprio_host::device::replay::{bus_step, replay, resting};
+use proprio_host::device::replay::{bus_step, replay};
 use proprio_host::device::{Device, Qemu, qemu};
-use proprio_tests::{motion, walks};
+use proprio_tests::{motion, walks, zeros};
 use serde::{Deserialize, Serialize};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -242,29 +239,8 @@ fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
     let begins = Leg::ALL.map(|leg| out(&leg).unwrap_or_default());
     let sample = |leg: Leg, n: u64| motion::sample(leg, begins[leg.index()] + n);
     let mut board = Qemu::boot_fast(&image::build(scalar)?)?;
-    let mut id = 0;
-    let mut ask = |board: &mut Qemu, action| {
-        id += 1;
-        board.command(&HostMessage::Request(Request { id, action }))
-    };
-    ask(&mut board, Action::SetPositions(Positions::FromPowerUp))?;
     let angles = Leg::ALL.map(|leg| sample(leg, 0).q);
-    let mut time_us = motion::SAMPLE_US;
-    for (leg, joint) in (0..LEGS).flat_map(|leg| (0..JOINTS_PER_LEG).map(move |joint| (leg, joint)))
-    {
-        for _ in 0..10 {
-            board.play(&resting(time_us, &angles, &PowerUp::NONE), &mut hear)?;
-            time_us += motion::SAMPLE_US;
-        }
-        board.settle(&mut hear)?;
-        let asked = SetZero {
-            leg: leg as u8,
-            joint: joint as u8,
-            angle: angles[leg][joint] as f32,
-            reversed: false,
-        };
-        ask(&mut board, Action::SetZero(asked))?;
-    }
+    let mut time_us = zeros::set_where_it_rests(&mut board, &angles, &mut hear)?;
     let right = [Wiring::Right; LEGS];
     for n in (0..TRIAL).take_while(|_| wiring.get() != right) {
         let instant = Leg::ALL.map(|leg| Some(sample(leg, n)));
