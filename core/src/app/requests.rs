@@ -140,8 +140,8 @@ impl<T: Real> App<T> {
             Action::SetZero(asked) => self.set_zero(memory, &asked, now_us),
             Action::TrustWiring => {
                 let mut trusted = false;
-                let legs = self.legs.iter_mut();
-                legs.for_each(|leg| trusted |= leg.trust_wiring());
+                let legs = self.legs.iter_mut().zip(&mut memory.0);
+                legs.for_each(|(leg, data)| trusted |= leg.trust_wiring(data));
                 self.hello_at = 0;
                 match trusted {
                     true => Outcome::Accepted,

@@ -29,8 +29,21 @@ impl<T: Real> LegLine<T> {
     }
 
     /// Takes the wiring to be right by the host's word; false if it is not on trial, or has a fault.
-    pub(in crate::app) fn trust_wiring(&mut self) -> bool {
-        self.trial.trust()
+    pub(in crate::app) fn trust_wiring(&mut self, data: &mut LegData<T>) -> bool {
+        let trusted = self.trial.trust();
+        if trusted {
+            self.accept_withheld(data);
+        }
+        trusted
+    }
+
+    /// Accepts the change that has waited for the end of a trial, if one has: the wiring is none of its causes.
+    fn accept_withheld(&mut self, data: &mut LegData<T>) {
+        if self.trial.is_of_a_change()
+            && let Some((told, change)) = data.withheld.take()
+        {
+            self.accept(data, told, change);
+        }
     }
 
     /// Has a change wait until a trial has found that it is none of the wiring's; false if the leg is not tried.
@@ -81,11 +94,8 @@ impl<T: Real> LegLine<T> {
         };
         let notes = &mut data.notes;
         let outcome = self.trial.advance(&model, carried, notes, work);
-        if outcome == Outcome::Cleared
-            && self.trial.is_of_a_change()
-            && let Some((told, change)) = data.withheld.take()
-        {
-            self.accept(data, told, change);
+        if outcome == Outcome::Cleared {
+            self.accept_withheld(data);
         }
         outcome != Outcome::Nothing
     }

@@ -440,6 +440,13 @@ impl Device {
         });
     }
 
+    fn ask(&mut self, action: wire::Action) {
+        self.asked += 1;
+        let id = self.asked;
+        let request = wire::Request { id, action };
+        self.whole.handle(&HostMessage::Request(request));
+    }
+
     /// Has the user put the zeros where the joints are; whether the device took them.
     fn place(&mut self) -> bool {
         (0..50).for_each(|_| self.hear(-1.0));
@@ -457,16 +464,11 @@ impl Device {
                     _ => {}
                 }
             }
-            self.asked += 1;
-            let asked = wire::SetZero {
+            self.ask(wire::Action::SetZero(wire::SetZero {
                 leg: self.which as u8,
                 joint: joint as u8,
                 angle: angle as f32,
                 reversed,
-            };
-            self.whole.handle(&HostMessage::Request(wire::Request {
-                id: self.asked,
-                action: wire::Action::SetZero(asked),
             }));
             (0..3).for_each(|_| self.hear(-1.0));
         }
@@ -714,4 +716,25 @@ fn a_change_is_one_of_the_wiring_before_it_is_one_of_physics() {
             );
         }
     }
+}
+
+/// A host that trusts the wiring of a leg that has changed hears of the change at once.
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
+fn a_change_is_told_when_the_host_trusts_the_wiring() {
+    let mut device = Device::new(1, 77, &[], false);
+    assert!(device.place());
+    (0..20_000).for_each(|n| device.hear(f64::from(n) * 2e-3));
+    device.real.friction[1][1] += 0.8;
+    let mut later = 20_000..26_000;
+    while device.told() != Wiring::OnTrial {
+        device.hear(f64::from(later.next().expect("it is on trial")) * 2e-3);
+    }
+    assert_eq!(changes(&device), Vec::new());
+    device.ask(wire::Action::TrustWiring);
+    // A message a step: the answer, the hello, the change.
+    (later.take(10)).for_each(|n| device.hear(f64::from(n) * 2e-3));
+    let told = changes(&device);
+    assert_eq!((device.told(), told.len()), (Wiring::Right, 1), "{told:?}");
+    assert_eq!(told[0].kind, wire::ChangeKind::Friction);
 }
