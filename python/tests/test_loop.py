@@ -194,7 +194,7 @@ class Wheel(InFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_the_command_is_the_rust_programs(self):
-        program = PYTHON.parent / "target/debug/proprio"
+        program = PYTHON.parent / "target/release/proprio"
         if not program.exists():
             self.skipTest("cargo has not built the command")
         for words in (["--help"], ["effects", "spring"], ["compare", "hidden.csv"], ["compare", "none.csv"], ["compare"]):
