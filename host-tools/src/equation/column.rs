@@ -73,17 +73,19 @@ pub(super) enum Sees {
     All,
 }
 
+/// Whether an effect's window terms at a joint are made of the other joints' states too: of the catalogue's with terms of their own none is.
+pub(super) fn sees_other_joints(effect: EffectKind) -> bool {
+    matches!(effect, EffectKind::Own(_))
+}
+
 impl Column {
     /// Whose states its numbers at an instant are made of.
     pub(super) fn sees(&self) -> Sees {
         match self {
             Self::Inertial(..) | Self::Gravity(_) => Sees::None,
             Self::Load { .. } | Self::Scale(_) | Self::Sensor(_) => Sees::None,
-            // Of the catalogue none that has window terms of its own sees the other joints.
-            Self::Own { effect, .. } => match effect {
-                EffectKind::Own(_) => Sees::All,
-                _ => Sees::Own,
-            },
+            Self::Own { effect, .. } if sees_other_joints(*effect) => Sees::All,
+            Self::Own { .. } => Sees::Own,
             Self::Coupled { .. } | Self::Motion { .. } | Self::Delay => Sees::All,
         }
     }

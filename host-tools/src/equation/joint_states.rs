@@ -9,10 +9,10 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Input, JointState, MAX_COLUMNS, Term, Transmission};
+use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Term, Transmission};
 
 use super::body::LimbBody;
-use super::column::{Column, Columns};
+use super::column::{Column, Columns, sees_other_joints};
 use super::contribution::contributions;
 use super::encoder::Encoder;
 use super::local_line::{Line, around};
@@ -85,10 +85,9 @@ impl States {
         (effect, joint): Place,
         shape: f64,
     ) -> [Term<f64>; MAX_COLUMNS] {
-        // Of the catalogue none that has window terms of its own sees the other joints.
-        let EffectKind::Own(_) = effect else {
+        if !sees_other_joints(effect) {
             return effect.terms(&self.joint(k, joint), shape);
-        };
+        }
         let mut joints = Vec::with_capacity(self.joints());
         self.all(k, &mut joints);
         effect.terms_among(&joints, joint, shape)

@@ -72,12 +72,12 @@ fn check() -> Result<bool, Failure> {
     let accept = std::env::args().any(|argument| argument == "--accept");
     let mut good = true;
     // A count is the same whatever else the machine does.
+    let scalars = [Scalar::F64, Scalar::F32];
     let measured = std::thread::scope(|scope| {
-        let scalars = [Scalar::F64, Scalar::F32];
         let runs = scalars.map(|scalar| scope.spawn(move || measure(scalar)));
         runs.map(|run| run.join().expect("a measurement does not panic"))
     });
-    for (scalar, measured) in [Scalar::F64, Scalar::F32].into_iter().zip(measured) {
+    for (scalar, measured) in scalars.into_iter().zip(measured) {
         let Measured {
             figures,
             constant,
@@ -119,6 +119,7 @@ struct Measured {
     compiler: String,
 }
 
+/// All figures of the images of one scalar.
 fn measure(scalar: Scalar) -> Result<Measured, Failure> {
     let mut figures = Figures::new();
     sizes(&image::build(scalar)?, "", &mut figures)?;

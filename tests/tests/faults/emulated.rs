@@ -1,4 +1,5 @@
-//! The same faults heard by the firmware's image on the emulated board: it says what the desktop says.
+//! The same faults heard by the firmware's image on the emulated board: it says what the desktop says. The buses' bytes come as by DMA; `qemu`
+//! plays them through UARTs.
 
 use proprio_core::wire::{Counters, DeviceMessage};
 use proprio_host::device::{BusStep, Device, Qemu, image};
