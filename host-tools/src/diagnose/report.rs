@@ -279,8 +279,8 @@ impl Diagnosed<'_> {
         let (mut series, mut drifting, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
         let fits: Vec<_> = self.found.end.fits.iter().enumerate().collect();
         let left = side_by_side(&fits, |(limb, fit)| {
-            let predicted = fit.predicted_held_out()?;
             let below = fit.below_limits();
+            let predicted = fit.with_unfollowed(&below, fit.predicted_held_out()?);
             let taken = |joint: usize| {
                 let taken = Explained::of(&below, &predicted, joint)?;
                 Some((self.name(*limb, joint), text::black_box(&taken)?))

@@ -12,7 +12,7 @@ use super::values::Values;
 const POSES: usize = 16;
 
 impl Motion {
-    /// By how much each window's mean torque of a joint may be off, N m: the momentum of the velocity that smoothing gave back
+    /// By how much each window's mean torque of a joint may be off, N m, and to which side: the momentum of the velocity that smoothing gave back
     /// ([`crate::trajectory::Trajectory::regained`]). With H the smoother's response that is H (1 − H) of the motion, and (1 − H)² still lacks: less, up to
     /// the cutoff, where H is a half.
     pub(crate) fn unfollowed(&self, body: &LimbBody, values: &Values, joint: usize) -> Vec<f64> {
@@ -20,7 +20,7 @@ impl Motion {
         let regained = &self.joint[joint].regained;
         let of = |window: &Window| {
             let [first, last] = window.samples;
-            inertia * (regained[last] - regained[first]).abs() / window.length
+            inertia * (regained[last] - regained[first]) / window.length
         };
         self.windows.iter().map(of).collect()
     }

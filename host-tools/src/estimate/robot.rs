@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
 
-use super::fit::{How, LimbFit, STEADY};
+use super::fit::{How, LimbFit};
 use super::limb_data::LimbData;
 use crate::equation::values::{Place, Values, is_shared};
 use crate::model::{BASE, Model};
@@ -161,12 +161,13 @@ pub(crate) fn refit<'a>(
 }
 
 /// The fits with what limbs share at the value that suits the whole: where one step from the fits' values, all else free, leaves it, they are as
-/// they were.
+/// they were. `steady`: a value that moves by fewer standard deviations stays.
 pub(crate) fn settle<'a>(
     data: &'a [LimbData<'a>],
     how: &How,
     mut fits: Vec<Arc<LimbFit<'a>>>,
     known: &[Shared],
+    steady: f64,
 ) -> Option<(Vec<Arc<LimbFit<'a>>>, Vec<Shared>)> {
     let mut known = known.to_vec();
     let places: Vec<Vec<Place>> = (fits.iter())
@@ -191,7 +192,7 @@ pub(crate) fn settle<'a>(
             .collect();
         let stays = |now: &Shared| {
             let same = known.iter().find(|known| known.is_of(now));
-            same.is_some_and(|known| (now.value - known.value).abs() <= STEADY * now.std)
+            same.is_some_and(|known| (now.value - known.value).abs() <= steady * now.std)
         };
         if now.iter().all(stays) {
             // Their values stay; how surely they are known is the present model's.

@@ -135,8 +135,8 @@ impl<'a> Source for Limbs<'a> {
         compliance_scan::most_promising_transmission(&self.context(model), refused, all)
     }
 
-    fn settled(&self, model: State<'a>) -> State<'a> {
-        model.settled(self.data)
+    fn settled(&self, model: State<'a>, steady: f64) -> State<'a> {
+        model.settled(self.data, steady)
     }
 
     fn limits(&mut self, model: &State<'a>) -> Vec<(Member, Limit)> {

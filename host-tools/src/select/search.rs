@@ -25,6 +25,12 @@ use proprio_core::effect::EffectKind;
 use crate::equation::values::is_shared;
 use crate::model::BASE;
 
+/// Standard deviations within which a value that all limbs share stays between steps: one takes half a unit of the logarithm of the likelihood, and
+/// a step is worth several. Moved, it is fitted anew in all limbs, and all of them are screened anew.
+const BETWEEN_STEPS: f64 = 1.0;
+/// The same of the model at the end: a fit's own.
+const AT_END: f64 = 0.1;
+
 /// What a search has found.
 pub(crate) struct Found<S: Source> {
     /// The source, after a look at the model at the end.
@@ -140,7 +146,7 @@ impl<S: Source> Search<S> {
 
     /// Changes the model: the only place that does.
     fn apply(&mut self, edit: Edit<S::Model>) {
-        self.model = self.source.settled(edit.after);
+        self.model = self.source.settled(edit.after, BETWEEN_STEPS);
         self.steps.push(Step {
             effect: edit.members[0].1.0,
             members: edit.members,
@@ -442,6 +448,10 @@ impl<S: Source> Search<S> {
     }
 
     fn finish(mut self) -> Found<S> {
+        self.model = self.source.settled(self.model, AT_END);
+        if let Some(last) = self.steps.last_mut() {
+            last.errors.clone_from(self.model.errors());
+        }
         let candidates = self.look();
         let mut unphysical: Vec<Judged> = Vec::new();
         for c in candidates.iter().filter(|c| c.members.len() == 1) {

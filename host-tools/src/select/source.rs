@@ -87,8 +87,8 @@ pub(crate) trait Source: Sized {
         None
     }
 
-    /// The model as it is kept: with all that trials held at its value fitted anew.
-    fn settled(&self, model: Self::Model) -> Self::Model {
+    /// The model as it is kept: with all that trials held at its value fitted anew, unless it would move by less than so many standard deviations.
+    fn settled(&self, model: Self::Model, _steady: f64) -> Self::Model {
         model
     }
 

@@ -80,13 +80,13 @@ impl<'a> State<'a> {
     }
 
     /// The model with the values that limbs share fitted anew beside all else: while effects are tried they are held, and what they stood for
-    /// may have been explained since.
-    pub(super) fn settled(self, data: &'a [LimbData<'a>]) -> Self {
+    /// may have been explained since. `steady`: values that move by fewer standard deviations stay.
+    pub(super) fn settled(self, data: &'a [LimbData<'a>], steady: f64) -> Self {
         if self.shared.is_empty() {
             return self;
         }
         let Some((fits, shared)) =
-            robot::settle(data, &how_kept(), self.fits.clone(), &self.shared)
+            robot::settle(data, &how_kept(), self.fits.clone(), &self.shared, steady)
         else {
             return self;
         };
