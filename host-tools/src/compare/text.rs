@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use super::{Comparison, JointComparison, RankedEpisode, black_box};
 use crate::detect::residual::Criticism;
 use crate::robust;
+use crate::select::criteria::STRUCTURE;
 use crate::summary::torque;
 use crate::table::{Table, with_std};
 
@@ -169,16 +170,23 @@ impl Comparison {
         cells
     }
 
-    /// Joints with much of the error that no pattern explains, a sentence each: those whose residual is structured, or far larger than other joints'.
+    /// Joints with much of the error that no pattern explains, a sentence each: those whose residual is structured, well above the joint's noise floor, or
+    /// far larger than other joints'.
     pub(super) fn unexplained(&self) -> Vec<String> {
         let square = |c: &Criticism| c.scores.rms.powi(2) * c.scores.n as f64;
         let all: f64 = self.criticism.iter().map(square).sum();
+        let above_noise = |c: &Criticism| {
+            let joint = self.joints.iter().find(|joint| joint.joint == c.joint)?;
+            let above = joint.above_noise_percent?;
+            (above > 100.0 * STRUCTURE).then_some(above)
+        };
         let told = |c: &&Criticism| {
             let explained: f64 = c.patterns.iter().map(|pattern| pattern.share).sum();
             let others = self.criticism.iter().filter(|o| o.joint != c.joint);
             let usual = robust::median(others.map(|o| o.scores.rms)).unwrap_or(f64::INFINITY);
-            let structured =
-                c.structure() > EXPLAINED || c.whiteness.as_ref().is_some_and(|w| !w.white);
+            let structured = c.structure() > EXPLAINED
+                || c.whiteness.as_ref().is_some_and(|w| !w.white)
+                || above_noise(c).is_some();
             explained < EXPLAINED
                 && 100.0 * square(c) >= OUTSTANDING_PERCENT * all
                 && (structured || c.scores.rms > STANDS_OUT * usual)
@@ -192,7 +200,10 @@ impl Comparison {
                 _ if c.whiteness.as_ref().is_some_and(|w| !w.white) => {
                     "its residual is not white".to_owned()
                 }
-                _ => "far more than the other joints leave".to_owned(),
+                _ => match above_noise(c) {
+                    Some(above) => format!("{above:.0} % of it is above the noise floor"),
+                    None => "far more than the other joints leave".to_owned(),
+                },
             };
             format!(
                 "{share:.0} % of the square error: {}, {} N m rms: {structure}, and no simple pattern explains it",

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::cluster;
 use super::pattern::{ALMOST, FALSE_DISCOVERY, Where, against};
 use super::series::{Runs, centred, project_out, square};
-use super::shape::{Shape, Variable, Variables};
+use super::shape::{ADDS, Shape, Variable, Variables};
 use super::text;
 
 /// A real pattern of the residual.
@@ -112,6 +112,8 @@ impl Term {
         }
         let mut x = self.x.clone();
         project_out(&mut x, others);
+        // Of what the others say all but rounding nobody knows the size.
+        (square(&x) > ADDS * square(&self.x)).then_some(())?;
         cluster::fit(&x, &alone, runs)
     }
 

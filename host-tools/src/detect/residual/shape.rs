@@ -133,7 +133,7 @@ const UNSURE: f64 = 0.03;
 const PERIODS: std::ops::RangeInclusive<usize> = 4..=32;
 
 /// Share of a pattern's own square that must be left beside those taken.
-const ADDS: f64 = 1e-3;
+pub(super) const ADDS: f64 = 1e-3;
 
 /// Ranges of position below this, rad, hold no period.
 const LEAST_RANGE: f64 = 0.01;
@@ -236,8 +236,12 @@ impl<'a> Variables<'a> {
             if !taken.is_empty() || !steady.is_empty() {
                 let all = square(&centred(&x));
                 x = centred(&x);
-                project_out(&mut x, &steady);
-                project_out(&mut x, taken);
+                // What is taken is not orthogonal to what is steady: what it has besides.
+                let mut basis = steady;
+                for direction in taken {
+                    add_direction(&mut basis, direction.clone());
+                }
+                project_out(&mut x, &basis);
                 // A pattern that is as good as taken adds nothing but rounding.
                 (square(&x) > ADDS * all).then_some(())?;
             }
@@ -293,14 +297,7 @@ impl<'a> Variables<'a> {
                     .iter()
                     .zip(&by)
                     .map(|(x, v)| if is_in(v) { *x } else { 0.0 });
-                let mut own: Vec<f64> = own.collect();
-                let all = square(&own);
-                project_out(&mut own, &basis);
-                let left = square(&own);
-                if left > ADDS * all {
-                    own.iter_mut().for_each(|x| *x /= left.sqrt());
-                    basis.push(own);
-                }
+                add_direction(&mut basis, own.collect());
             }
         }
         basis
@@ -375,6 +372,17 @@ impl<'a> Variables<'a> {
             }
             Shape::Contact => self.values(Variable::Contact),
         }
+    }
+}
+
+/// What a vector has beside an orthonormal basis becomes a direction of it, if it is more than rounding.
+fn add_direction(basis: &mut Vec<Vec<f64>>, mut own: Vec<f64>) {
+    let all = square(&own);
+    project_out(&mut own, basis);
+    let left = square(&own);
+    if left > ADDS * all {
+        own.iter_mut().for_each(|x| *x /= left.sqrt());
+        basis.push(own);
     }
 }
 
