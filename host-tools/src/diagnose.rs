@@ -78,6 +78,9 @@ pub struct Diagnosis {
     /// Bodies that are not the CAD's, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<String>,
+    /// Whether these bodies and the drives' own effects predict as well as all effects that are named.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub bodies_instead: bool,
     /// Torques outside the catalogue that explain what it leaves; the path has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub formulas: Vec<FoundFormula>,

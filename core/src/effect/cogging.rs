@@ -16,7 +16,7 @@ impl Effect for Cogging {
             Parameter::new("Ac", "N m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("N", "1/rad", 0.0, f64::INFINITY).shape(Grid::Harmonics),
         ],
-        words: "a torque that repeats with the turning of the rotor (magnetic cogging, gear teeth)",
+        words: "a torque periodic in position: magnetic cogging or gear teeth; once per turn of the joint, a counterbalance or weight",
         look_alikes: &["spring", "coulomb", "backlash"],
         separated_by: "very slow motion in both directions over several turns of the rotor",
         ..Description::TORQUE

@@ -83,6 +83,7 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
             .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
         bodies: text::bodies(&d.bodies),
+        bodies_instead: d.bodies.1 && !d.bodies.0.is_empty(),
         formulas,
         outside_catalogue,
         every_window: None,

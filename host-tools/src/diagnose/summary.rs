@@ -7,7 +7,7 @@ use crate::catalogue;
 use crate::model::Robot;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
 
-/// Kinds of missing effects that the headline names; of more it says how many, and the points name them.
+/// Kinds of missing effects that the headline names, those of every drive last and together; of more it says how many, and the points name them.
 const NAMED: usize = 3;
 /// Points of a summary.
 const POINTS: usize = 3;
@@ -45,29 +45,30 @@ impl Diagnosis {
         let missing = self.missing();
         let all = self.joint_names();
         let mut points: Vec<String> = self.changes().into_iter().collect();
+        let bodies = self.bodies.split_first();
+        let bodies = bodies.map(|(first, rest)| and_more(first, rest.len()));
+        if self.bodies_instead {
+            points.extend(bodies.clone());
+        }
         points.extend(self.found_formulas());
-        if let Some((first, rest)) = self.second_encoder.split_first() {
-            points.push(and_more(first, rest.len()));
-        }
-        if let Some((first, rest)) = self.bodies.split_first() {
-            points.push(and_more(first, rest.len()));
-        }
-        match &*missing {
-            [] => (),
+        // What every drive has goes together, so that what few have is never folded away.
+        let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
+            missing.iter().partition(|m| m.is_plain());
+        match &*beyond {
             // A formula has its own point.
             [one] if self.is_formula(one) => (),
             [one] => points.push(explained(one, &all)),
-            more => {
-                // What every drive has goes together, so that what few have is never folded away.
-                let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
-                    more.iter().partition(|m| m.is_plain());
-                match &*beyond {
-                    [one] if self.is_formula(one) => (),
-                    [one] => points.push(explained(one, &all)),
-                    beyond => points.extend(listed("beyond the drive", beyond, &all)),
-                }
-                points.extend(listed("drive", &drive, &all));
-            }
+            beyond => points.extend(listed("beyond the drive", beyond, &all)),
+        }
+        if let Some((first, rest)) = self.second_encoder.split_first() {
+            points.push(and_more(first, rest.len()));
+        }
+        if !self.bodies_instead {
+            points.extend(bodies);
+        }
+        match &*drive {
+            [one] if beyond.is_empty() => points.push(explained(one, &all)),
+            drive => points.extend(listed("drive", drive, &all)),
         }
         points.extend(self.alike());
         points.truncate(POINTS - 1);
@@ -81,20 +82,7 @@ impl Diagnosis {
     }
 
     fn headline(&self, missing: &[Missing]) -> String {
-        let all = self.joint_names();
-        let is_named = missing.len() <= NAMED;
-        let names: Vec<String> = (missing.iter())
-            .map(|m| format!("{} ({})", m.shown, m.at(&all)))
-            .collect();
-        let mut text = match (self.verdict, names.is_empty()) {
-            (_, false) if is_named => format!("Missing: {}. ", names.join(", ")),
-            (_, false) => format!("Missing: {} effects. ", missing.len()),
-            (Verdict::Missing, true) => "Missing: an effect outside the catalogue. ".to_owned(),
-            (Verdict::Complete, true) => "Missing: nothing. ".to_owned(),
-            (Verdict::Insufficient, true) => {
-                "Too little motion to say what is missing. ".to_owned()
-            }
-        };
+        let mut text = self.what(missing);
         text += &match self.changed.len() {
             0 => String::new(),
             1 => "Changed: 1 value of the file. ".to_owned(),
@@ -121,6 +109,43 @@ impl Diagnosis {
         text + &match self.has_values {
             true => format!("Held-out error, N m: {errors} ({floor})"),
             false => format!("Held-out error {errors} N m ({floor})"),
+        }
+    }
+
+    /// What is missing, in a sentence. What the catalogue does not have comes first: the names after it explain the less.
+    fn what(&self, missing: &[Missing]) -> String {
+        if self.bodies_instead {
+            return "Bodies differ from the model's; no effect beyond the drive's is needed. "
+                .to_owned();
+        }
+        let all = self.joint_names();
+        let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
+            missing.iter().partition(|m| m.is_plain());
+        let mut names: Vec<String> = Vec::new();
+        if !self.outside_catalogue.is_empty() {
+            names.push("an effect outside the catalogue".to_owned());
+        }
+        let named = |m: &&Missing| format!("{} ({})", m.shown, m.at(&all));
+        names.extend(beyond.iter().map(named));
+        if names.len() > NAMED {
+            let rest = names.len() - (NAMED - 1);
+            names.truncate(NAMED - 1);
+            names.push(format!("{rest} more effects"));
+        }
+        match &*drive {
+            [_] => names.extend(drive.iter().map(named)),
+            more if names.is_empty() && more.len() <= NAMED => {
+                names.extend(more.iter().map(named));
+            }
+            [] => (),
+            more => names.push(format!("the drive's {} effects", more.len())),
+        }
+        match (self.verdict, names.is_empty()) {
+            (_, false) => format!("Missing: {}. ", names.join(", ")),
+            (Verdict::Insufficient, true) => {
+                "Too little motion to say what is missing. ".to_owned()
+            }
+            (_, true) => "Missing: nothing. ".to_owned(),
         }
     }
 
@@ -217,6 +242,10 @@ impl Diagnosis {
     }
 
     fn command(&self, missing: &[Missing], robot: &Robot, model: Option<&Path>) -> String {
+        if self.bodies_instead && missing.iter().all(|m| !m.is_plain()) {
+            let with = typed(&self.logs, model);
+            return format!("proprio identify {with} -o refitted.toml");
+        }
         if missing.is_empty() && !self.changed.is_empty() {
             let with = typed(&self.logs, model);
             return format!("proprio identify {with} -o refitted.toml");
@@ -237,7 +266,11 @@ impl Diagnosis {
             };
             m.joints.iter().map(of).collect()
         };
-        let effects: Vec<String> = missing.iter().flat_map(of).collect();
+        // Where a body explains as much, what the drive has is added alone, and `identify` fits the body.
+        let added = missing
+            .iter()
+            .filter(|m| !self.bodies_instead || m.is_plain());
+        let effects: Vec<String> = added.flat_map(of).collect();
         let model = word(model.unwrap_or(Path::new(NEW_MODEL)));
         let add = format!("proprio add {} -m {model}", effects.join(" "));
         if add.chars().count() <= ONE_LINE {

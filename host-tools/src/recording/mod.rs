@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::equation::velocity::VelocityGain;
 use crate::formula::Condition;
-use crate::gate::{DataGates, GateReport, Joint, Reading};
+use crate::gate::{DataGates, Gate, GateReport, Joint, Reading};
 use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
 pub use error::RecordingError;
@@ -215,7 +216,7 @@ impl Recording {
         recording.gates.push(LogGates {
             log: PathBuf::from("simulation"),
             start: 0.0,
-            report: gates.gates.report(),
+            report: unless_known(gates.gates.report(), model),
         });
         recording
     }
@@ -374,7 +375,7 @@ impl<'a> Pass<'a> {
         self.recording.gates.push(LogGates {
             log: log.to_owned(),
             start: self.offset_us as f64 * 1e-6,
-            report: gates.gates.report(),
+            report: unless_known(gates.gates.report(), self.model),
         });
         self.recording.duration += last_us as f64 * 1e-6;
         self.offset_us += last_us + BETWEEN_LOGS_US;
@@ -491,6 +492,20 @@ fn left_out(limb: &Limb) -> String {
         limb.name,
         limb.bodies.len()
     )
+}
+
+/// What is found of a log without the velocities whose gain the model has already: its remedy is in use.
+fn unless_known(mut report: GateReport, model: &Model) -> GateReport {
+    let has_gain = |joint: &String| {
+        let mut effects = model.effects().iter();
+        effects
+            .any(|own| own.effect == VelocityGain::EFFECT && model.joint_name(own.joint) == joint)
+    };
+    report.findings.retain(|finding| {
+        let is_known = !finding.joints.is_empty() && finding.joints.iter().all(has_gain);
+        !(finding.gate == Gate::VelocityGain && is_known)
+    });
+    report
 }
 
 /// What is wrong with the samples, for a first screen: the first finding, and how many more there are; nothing if nothing is wrong.

@@ -76,6 +76,7 @@ pub(super) fn diagnosis(
         joints: joints([as_given, &left], data.windows.used, robot),
         second_encoder: Vec::new(),
         bodies: Vec::new(),
+        bodies_instead: false,
         formulas: Vec::new(),
         outside_catalogue,
         every_window: None,
