@@ -68,6 +68,7 @@ mod schemas;
 mod screens;
 mod second_encoder;
 mod walking;
+mod where_it_fails;
 mod words;
 
 /// No file is forgotten: each one beside this is a module of it.

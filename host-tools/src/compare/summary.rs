@@ -21,13 +21,16 @@ impl Comparison {
             .patterns
             .iter()
             .filter(|p| p.share_percent >= LEAST_PERCENT);
-        points.extend(patterns.map(|p| {
-            format!(
+        let patterns = patterns.map(|p| {
+            let words = format!(
                 "{:.0} % of the square error: {}",
                 p.share_percent, p.sentence
-            )
-        }));
-        points.extend(self.unexplained());
+            );
+            (p.share_percent, words)
+        });
+        let mut shares: Vec<(f64, String)> = patterns.chain(self.unexplained()).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+        points.extend(shares.into_iter().map(|(_, words)| words));
         if points.is_empty() {
             points.push(NO_STRUCTURE.to_owned());
         }

@@ -171,8 +171,8 @@ impl Comparison {
     }
 
     /// Joints with much of the error that no pattern explains, a sentence each: those whose residual is structured, well above the joint's noise floor, or
-    /// far larger than other joints'.
-    pub(super) fn unexplained(&self) -> Vec<String> {
+    /// far larger than other joints'. Each with its share of all joints' squared error, %.
+    pub(super) fn unexplained(&self) -> Vec<(f64, String)> {
         let square = |c: &Criticism| c.scores.rms.powi(2) * c.scores.n as f64;
         let all: f64 = self.criticism.iter().map(square).sum();
         let above_noise = |c: &Criticism| {
@@ -205,11 +205,12 @@ impl Comparison {
                     None => "far more than the other joints leave".to_owned(),
                 },
             };
-            format!(
+            let words = format!(
                 "{share:.0} % of the square error: {}, {} N m rms: {structure}, and no simple pattern explains it",
                 c.joint,
                 torque(c.scores.rms)
-            )
+            );
+            (share, words)
         };
         self.criticism.iter().filter(told).map(words).collect()
     }
@@ -220,7 +221,7 @@ impl Comparison {
             return writeln!(to, "\nWhere: {NO_STRUCTURE}.");
         }
         writeln!(to, "\nWhere, by its share of all the square error:")?;
-        for sentence in unexplained {
+        for (_, sentence) in unexplained {
             writeln!(to, "  {sentence}")?;
         }
         let told = if all { self.patterns.len() } else { TOLD };
