@@ -104,7 +104,8 @@ pub(super) fn find<'a>(
             let told = told(d, data, asked.0, &pick);
             let linear = told.parameters.len() - usize::from(pick.shape.is_some());
             let mut sizes = told.parameters[..linear].iter();
-            if !sizes.any(|p| (p.value / p.std).abs() >= LEAST_Z) {
+            let is_told = sizes.any(|p| (p.value / p.std).abs() >= LEAST_Z);
+            if !is_told || !is_within_torque(&d.found.end.fits[limb], asked.0.1) {
                 d.found.undo(before);
                 break;
             }
@@ -118,6 +119,20 @@ pub(super) fn find<'a>(
     }
     let of = |((limb, place), pick): &(Member, Pick)| told(d, data, (*limb, *place), pick);
     found.iter().map(of).collect()
+}
+
+/// Whether a term's torque is nowhere larger than what was measured at its joint: a larger one stands against another that takes it away again.
+fn is_within_torque(fit: &LimbFit, place: Place) -> bool {
+    let (data, n) = (fit.data, fit.data.joints());
+    let mut without = fit.values.clone();
+    without.remove(place);
+    let [with, without] = [&fit.values, &without].map(|own| data.predicted(own, &|_| true));
+    let most = |of: &dyn Fn(usize) -> f64| {
+        let windows = (0..data.motion.windows.len()).filter(|&w| data.counts(w, place.1));
+        let sizes = windows.map(|w| of(w * n + place.1).abs());
+        sizes.fold(0.0, f64::max)
+    };
+    most(&|at| with[at] - without[at]) <= most(&|at| data.torque[at])
 }
 
 /// A term as an effect at its joint, with the values that its screen gives it.
