@@ -4,10 +4,7 @@
 //! is then known to 1e-7 of it, four orders below its ±. They are split into bytes (BYTE_STREAM_SPLIT) and packed with zstd.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::sync::Arc;
 
 use parquet::basic::{Compression, Encoding, Type as Physical, ZstdLevel};
@@ -23,17 +20,15 @@ use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::ColumnPath;
 
-use super::block::Block;
-use super::columns::BlockColumns;
-use super::gate::Fault;
-use crate::output::{AtomicFile, WriteError};
+use super::{SCHEMA, Table};
+use crate::fleet::block::Block;
+use crate::fleet::columns::BlockColumns;
+use crate::fleet::gate::Fault;
 
-/// Name of the schema, in the file's metadata under `schema`.
-pub const SCHEMA: &str = "proprio.blocks/1";
 /// Before a hash in the metadata.
 const COLUMNS: &str = "proprio.columns.";
 /// The columns of the table.
-pub(super) const MESSAGE: &str = "message blocks {
+pub(in crate::fleet) const MESSAGE: &str = "message blocks {
   required binary robot (UTF8);
   optional binary site (UTF8);
   optional binary firmware (UTF8);
@@ -57,49 +52,6 @@ const LEVEL: i32 = 9;
 /// Most rows of a row group, and most numbers of one, that are read: what a damaged count asks for is not reserved.
 const MOST_ROWS: usize = 1 << 16;
 const MOST_NUMBERS: usize = 1 << 26;
-
-/// Why a table cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// The file cannot be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    /// The format's own writer failed.
-    #[error("{path}: {source}")]
-    Format {
-        /// The file.
-        path: String,
-        /// Why.
-        source: ParquetError,
-    },
-}
-
-/// What was read of a file: its blocks, and what is wrong with the others.
-#[derive(Debug, Default)]
-pub struct Table {
-    /// Blocks as they stand there, not yet admitted by a [`super::Gate`].
-    pub blocks: Vec<Block>,
-    /// Parts that cannot be read.
-    pub faults: Vec<Fault>,
-}
-
-/// Writes blocks, whole or not at all.
-///
-/// # Errors
-/// [`TableError`].
-pub fn write(path: &Path, blocks: &[Block]) -> Result<(), TableError> {
-    let format = |source| TableError::Format {
-        path: path.display().to_string(),
-        source,
-    };
-    let bytes = encode(blocks).map_err(format)?;
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(&bytes).map_err(|source| WriteError {
-        path: path.to_owned(),
-        source,
-    })?;
-    Ok(file.commit()?)
-}
 
 /// A table's bytes.
 ///
@@ -213,25 +165,7 @@ fn put_factors(
     Ok(())
 }
 
-/// Reads a file; what of it cannot be read is a fault, and the rest stands.
-pub fn read(path: &Path) -> Table {
-    let name = path.display().to_string();
-    match File::open(path) {
-        Ok(file) => read_from(&name, file),
-        Err(error) => Table::none(Fault::Unreadable {
-            file: name,
-            cause: error.to_string(),
-        }),
-    }
-}
-
-/// Whether a file is a table of blocks.
-pub fn is_ours(path: &Path) -> bool {
-    let table = read(path);
-    table.faults.is_empty() && !table.blocks.is_empty()
-}
-
-/// [`read`] of an open file, or of bytes, under a name.
+/// [`super::read`] of an open file, or of bytes, under a name.
 pub fn read_from<R: parquet::file::reader::ChunkReader + 'static>(name: &str, file: R) -> Table {
     // Bytes from outside: a decoder that panics is a damaged file.
     let read = catch_unwind(AssertUnwindSafe(|| Reading::of(name, file)));
@@ -239,15 +173,6 @@ pub fn read_from<R: parquet::file::reader::ChunkReader + 'static>(name: &str, fi
         Ok(Ok(table)) => table,
         Ok(Err(fault)) => Table::none(fault),
         Err(_) => Table::none(damaged(name, "its decoder failed")),
-    }
-}
-
-impl Table {
-    fn none(fault: Fault) -> Self {
-        Self {
-            blocks: Vec::new(),
-            faults: vec![fault],
-        }
     }
 }
 
