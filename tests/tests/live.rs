@@ -8,7 +8,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use proprio_tests::command::{
-    binary, done, folder, json, parameter, proprio, refusal, schema_of, simulated, stderr, stdout,
+    binary, done, folder, json, parameter, piped, proprio, refusal, schema_of, simulated, start,
+    stderr, stdout,
 };
 use proprio_tests::schema::Schema;
 use serde_json::Value;
@@ -20,32 +21,6 @@ use {
     proprio_host::device::{BusStep, Robot},
     proprio_simulator::hidden::typical,
 };
-
-/// Starts `proprio` with a pipe into it.
-fn start(folder: &Path, arguments: &[&str]) -> Child {
-    Command::new(binary())
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("proprio runs")
-}
-
-/// Pipes a file into `proprio`.
-fn piped(folder: &Path, from: &str, arguments: &[&str]) -> Output {
-    let mut child = start(folder, arguments);
-    let mut stdin = child.stdin.take().unwrap();
-    let text = fs::read(folder.join(from)).unwrap();
-    let writer = thread::spawn(move || {
-        // Whoever has seen enough closes the pipe.
-        let _ = stdin.write_all(&text);
-    });
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap();
-    output
-}
 
 fn report(output: &Output) -> Value {
     assert!(output.status.success(), "{}", stderr(output));

@@ -17,7 +17,7 @@ use crate::factors::FactorsError;
 use crate::fleet::TableError;
 use crate::free_base::FreeBaseError;
 use crate::kinematics::CalibrateError;
-use crate::live::LiveError;
+use crate::live::{LiveError, RestError};
 use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
@@ -139,6 +139,8 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::NotPlaced { .. } => Some(
             "the robot must be on and its bus heard, the joint at rest where it is said to be: proprio monitor PORT".to_owned(),
         ),
+        Error::Rest(error) => of_rest(error),
+        Error::NotReported { .. } => Some("name other --legs, or a source that has all joints of this one".to_owned()),
         Error::NoZeros => Some("say where the joints are: proprio zero PORT --help".to_owned()),
         Error::NoTrial => Some("see what it has found: proprio monitor PORT".to_owned()),
         Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
@@ -238,6 +240,23 @@ fn of_live(error: &LiveError) -> Option<String> {
             ));
         }
         LiveError::Thread(_) | LiveError::Dds { .. } => return None,
+    };
+    Some(hint.to_owned())
+}
+
+fn of_rest(error: &RestError) -> Option<String> {
+    let hint = match error {
+        RestError::Live(error) => return of_live(error),
+        RestError::Log(error) => return Some(of_log(error)),
+        RestError::Short { .. } => {
+            "check that the robot sends all the time, and give a second of it"
+        }
+        RestError::Moves { .. } => {
+            "lay the robot down, or hang it, until its joints rest; then again"
+        }
+        RestError::OutOfRange { .. } => {
+            "positions are in rad at the joints; if the robot's own zero is wrong, name the angles: --pose, --at"
+        }
     };
     Some(hint.to_owned())
 }

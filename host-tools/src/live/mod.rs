@@ -11,6 +11,7 @@
 //! - `error`: why nothing can be received
 //! - `follow`: which of the messages of several writers are one robot's, each once
 //! - `pieces`: bytes that a thread reads, piece by piece
+//! - `rest`: where a robot's joints rest
 //! - `text`: lines of standard input as they come
 //! - `until`: when to end
 
@@ -21,6 +22,7 @@ mod dds;
 mod error;
 mod follow;
 mod pieces;
+mod rest;
 mod text;
 mod until;
 
@@ -30,6 +32,7 @@ pub use bus::{BusFacts, LiveCapture};
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
 pub use follow::{Arrival, Follower, Tally};
+pub use rest::{REST, RestError, resting_at};
 pub use text::lines;
 pub use until::Until;
 
