@@ -383,6 +383,9 @@ fn of_log(error: &LogError) -> String {
         Problem::NoHeader => {
             "put the columns' names on the first line: `t,q/FR_hip,dq/FR_hip,tau/FR_hip,…`".to_owned()
         }
+        Problem::EchoedCsv => {
+            "record the topic with its type: ros2 bag record /joint_states, or proprio record dds:IFACE/joint_states -o log.mcap".to_owned()
+        }
         Problem::Separator(separator) => {
             format!("write the log with commas instead of `{}`, decimals with a point", separator.escape_default())
         }
