@@ -79,14 +79,14 @@ pub(super) fn of(error: &Error) -> Option<String> {
         }
         Error::Live(error) | Error::Feed(FeedError::Live(error)) => of_live(error),
         Error::Journal(error) => Some(of_journal(error).to_owned()),
-        Error::Web(WebError::Taken(address)) => Some(format!(
-            "take another port: --web={0}:{1}, or --web={0}:0 for any that is free",
+        Error::Web(WebError::Taken { option, address }) => Some(format!(
+            "take another port: {option}={0}:{1}, or {option}={0}:0 for any that is free",
             host(address),
             address.port().wrapping_add(1).max(1024)
         )),
-        Error::Web(WebError::Bind { .. }) => Some(
-            "take an address of this machine and a port from 1024 on: --web=127.0.0.1:7700".to_owned(),
-        ),
+        Error::Web(WebError::Bind { option, .. }) => Some(format!(
+            "take an address of this machine and a port from 1024 on: {option}=127.0.0.1:7700"
+        )),
         Error::Frf(error) => match error {
             FrfError::Log(error) => Some(of_log(error)),
             FrfError::Name(unknown) => of_name(unknown),
