@@ -27,7 +27,7 @@ mod text;
 mod until;
 
 pub use address::{Adapter, Address, Topic};
-pub use bus::{BusFacts, LiveCapture};
+pub use bus::{BusFacts, LiveCapture, bytes};
 #[cfg(feature = "dds")]
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
@@ -37,6 +37,8 @@ pub use text::lines;
 pub use until::Until;
 
 use std::sync::{Arc, Mutex, PoisonError};
+
+use proprio_core::go2::Leg;
 
 #[cfg(feature = "mcap")]
 use crate::log::LiveMessages;
@@ -91,7 +93,7 @@ impl Source {
         match address {
             Address::Text => Ok(Self::Text(Box::new(lines(until.clone())?))),
             Address::Adapters(adapters) => Ok(Self::Buses(bus::listen(adapters, facts, until)?)),
-            Address::Simulated => Ok(Self::Buses(bus::simulate(until)?)),
+            Address::Simulated => Ok(Self::Buses(bus::simulate(Leg::ALL, until)?.into())),
             #[cfg(feature = "dds")]
             Address::Dds(topic) => {
                 let subscription = subscribe(topic, domain, until, counts)?;
