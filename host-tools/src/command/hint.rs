@@ -224,7 +224,9 @@ pub fn of_excite(error: &ExciteError) -> Option<String> {
 
 fn of_live(error: &LiveError) -> Option<String> {
     let hint = match error {
-        LiveError::NotBuilt => "in a clone of proprio: cargo install --path proprio --features dds",
+        LiveError::NotBuilt => {
+            "in a clone of proprio: cargo install --path proprio --features dds; of the Python package: MATURIN_PEP517_ARGS='--features dds' pip install ./python"
+        }
         LiveError::Terminal => "pipe rows of CSV into it: my_driver | proprio record - -o log.csv",
         LiveError::NoInterface { .. } | LiveError::WhichInterface { .. } => {
             "name the interface whose cable or network leads to the robot: dds:eth0"
