@@ -52,6 +52,13 @@ impl Drop for Registration {
     }
 }
 
+/// A format whose writer was left out of this build, for a [`WriteError`].
+#[cfg(not(all(feature = "mcap", feature = "parquet")))]
+pub(crate) fn not_built(format: &str, feature: &str) -> io::Error {
+    let words = format!("this build has no {format}; build it with `--features {feature}`");
+    io::Error::new(io::ErrorKind::Unsupported, words)
+}
+
 /// A file that cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {source}", .path.display())]

@@ -1,7 +1,8 @@
 //! The real `proprio` binary, and logs to feed it.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 
 use serde_json::Value;
@@ -61,6 +62,32 @@ pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
         let faults = Schema::read(&schema_of(arguments[0])).faults(&value);
         assert!(faults.is_empty(), "{arguments:?}: {faults:#?}");
     }
+    output
+}
+
+/// Starts `proprio` with a pipe into it.
+pub fn start(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(binary())
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("proprio runs")
+}
+
+/// Pipes a file of `folder` into `proprio`.
+pub fn piped(folder: &Path, from: &str, arguments: &[&str]) -> Output {
+    let mut child = start(folder, arguments);
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let text = std::fs::read(folder.join(from)).expect("a file of the test");
+    let writer = std::thread::spawn(move || {
+        // Whoever has seen enough closes the pipe.
+        let _ = stdin.write_all(&text);
+    });
+    let output = child.wait_with_output().expect("proprio ends");
+    writer.join().expect("a writer that ends");
     output
 }
 

@@ -151,6 +151,16 @@ fn each_bad_log_is_refused_with_its_place_and_the_fix() {
         ("header only", good.lines(1).text(), "line 1"),
         ("one row", good.lines(2).text(), "line 2"),
         ("no header", Sheet(good.0[1..].to_vec()).text(), "line 1"),
+        (
+            "ros2 topic echo --csv of joint states",
+            "1700000000,4000000,,FR_hip,FR_thigh,0.1,0.8,0.0,0.0,1.5,-2.25\n".repeat(3),
+            "line 1",
+        ),
+        (
+            "ros2 topic echo --csv of a LowState",
+            "254,239,255,0,0,0,0.5,-0.25\n".repeat(3),
+            "line 1",
+        ),
         ("bars", good.text().replace(',', "|"), "line 1"),
         ("no time", good.without(&["t"]).text(), "line 1"),
         (

@@ -86,6 +86,11 @@ fn what_is_no_capture_no_port_and_no_file_of_ones_own_is_refused() {
     assert!(!folder.path().join("a.cap").exists());
     refused(&["capture"], 2, "PORT");
     refused(&["capture", "/dev/no-such-port"], 2, "--output");
+    // What carries no bytes is recorded, not captured.
+    for source in ["dds:eth0/lowstate", "-"] {
+        let way = format!("proprio record {source} -o LOG");
+        refused(&["capture", source, "-o", "a.cap"], 2, &way);
+    }
     // A capture cannot be made again.
     let mut file = fs::File::create(folder.path().join("FR.cap")).unwrap();
     file.write_all(&capture()).unwrap();
@@ -94,6 +99,35 @@ fn what_is_no_capture_no_port_and_no_file_of_ones_own_is_refused() {
         1,
         "would be replaced",
     );
+}
+
+/// The simulated robot's bus is a log as it stands, of the leg that is asked for.
+#[test]
+fn a_simulated_bus_is_captured_in_real_time() {
+    let folder = folder();
+    let at = folder.path();
+    for (leg, more) in [("FR", &[][..]), ("RL", &["--leg", "RL"])] {
+        let name = format!("{leg}.cap");
+        let words = ["capture", "sim", "-o", &name, "--seconds", "2", "--json"];
+        let said = json(&done(at, &[&words[..], more].concat()));
+        let records = said["records"].as_u64().unwrap();
+        assert!((990..=1_001).contains(&records), "{said}");
+        assert!(said.get("board").is_none(), "{said}");
+        let explained = json(&done(at, &["capture", "--explain", &name, "--json"]));
+        assert!(
+            explained["cycles"].as_u64().unwrap() + 2 >= records,
+            "{explained}"
+        );
+        let imported = ["import", &name, "-o", "log.csv", "--force", "--json"];
+        let imported = json(&done(at, &imported));
+        let joints = imported["joints"].as_array().unwrap();
+        assert_eq!(joints.len(), 3);
+        assert!(
+            joints
+                .iter()
+                .all(|joint| joint.as_str().unwrap().starts_with(leg))
+        );
+    }
 }
 
 /// A capture is a log: of which leg and from where its motors count is in it, and what is missing is said.

@@ -1,6 +1,10 @@
 //! `proprio zero` as its user meets it, and what `monitor` says while a zero is unknown.
 
-use proprio_tests::command::{done, folder, json, proprio, stderr};
+use std::fmt::Write;
+use std::fs;
+
+use proprio_core::go2::{JointId, Leg, position_limits};
+use proprio_tests::command::{done, folder, json, piped, proprio, stderr, stdout};
 
 #[test]
 #[allow(clippy::approx_constant)] // the URDF's rounding, not ours
@@ -33,6 +37,137 @@ fn a_device_is_told_where_the_joints_are_whatever_the_power_up() {
         text.contains("unknown: nobody has said where it is"),
         "{text}"
     );
+}
+
+/// Rows of joints that rest at `angles`, as a driver prints them, at 100 Hz: every third row off by less than the bus can tell apart, and at one joint
+/// and from one row on by `moved`.
+fn resting(legs: &[Leg], seconds: f64, moved: f64) -> String {
+    let joints: Vec<JointId> = legs.iter().flat_map(|leg| JointId::of(*leg)).collect();
+    let names = |prefix: &str| -> String {
+        let names = joints
+            .iter()
+            .map(|joint| format!(",{prefix}/{}", joint.name()));
+        names.collect()
+    };
+    let mut text = format!("t{}{}{}\n", names("q"), names("dq"), names("tau"));
+    for row in 0..=(100.0 * seconds) as usize {
+        write!(text, "{:.2}", row as f64 / 100.0).unwrap();
+        for (n, joint) in joints.iter().enumerate() {
+            let off = if row % 3 == 0 { 1e-5 } else { 0.0 };
+            let off = off + if n == 1 && row >= 60 { moved } else { 0.0 };
+            write!(text, ",{:.6}", rests_at(*joint) + off).unwrap();
+        }
+        joints.iter().for_each(|_| text.push_str(",0.01"));
+        joints.iter().for_each(|_| text.push_str(",0.5"));
+        text.push('\n');
+    }
+    text
+}
+
+/// Where they rest: somewhere within the limits, each elsewhere.
+fn rests_at(joint: JointId) -> f64 {
+    let [lower, upper] = position_limits(joint.leg())[joint.place()];
+    let share = 0.3 + 0.1 * joint.leg().index() as f64;
+    1e-4 * (1e4 * (lower + share * (upper - lower))).round()
+}
+
+#[test]
+fn a_device_is_told_where_the_robot_itself_says_that_its_joints_rest() {
+    let folder = folder();
+    let at = folder.path();
+    fs::write(at.join("rest.csv"), resting(&Leg::ALL, 1.5, 0.0)).unwrap();
+    let told = |more: &[&str]| {
+        let words = [&["zero", "sim", "--from", "-", "--json"], more].concat();
+        let output = piped(at, "rest.csv", &words);
+        assert!(output.status.success(), "{}", stderr(&output));
+        json(&stdout(&output))["joints"].as_array().unwrap().clone()
+    };
+    let all = told(&["--seed", "3", "--reversed", "RL_calf"]);
+    assert_eq!(all.len(), 12);
+    for (said, joint) in all.iter().zip(JointId::all()) {
+        assert_eq!(said["joint"], joint.name());
+        let angle = said["angle"].as_f64().unwrap();
+        assert!((angle - rests_at(joint)).abs() < 1e-9, "{said}");
+        assert_eq!(
+            (&said["answer"], &said["known"]),
+            (&"accepted".into(), &true.into())
+        );
+        assert_eq!(said["reversed"], joint.name() == "RL_calf");
+    }
+    // Of one leg, and of a joint told twice what --at says.
+    let some = told(&["--legs", "FL", "--at", "FL_hip=0.1"]);
+    let angles = some.iter().map(|said| said["angle"].as_f64().unwrap());
+    let [_, thigh, calf] = JointId::of(Leg::FL).map(rests_at);
+    assert_eq!(some.len(), 3);
+    for (angle, expected) in angles.zip([0.1, thigh, calf]) {
+        assert!((angle - expected).abs() < 1e-9, "{angle} {expected}");
+    }
+}
+
+#[test]
+fn what_does_not_say_where_joints_rest_is_refused_and_nothing_is_set() {
+    let folder = folder();
+    let at = folder.path();
+    let refused = |text: &str, more: &[&str], parts: &[&str]| {
+        fs::write(at.join("rows.csv"), text).unwrap();
+        // No port is opened: there is none of this name.
+        let words = [&["zero", "none", "--from", "-"], more].concat();
+        let output = piped(at, "rows.csv", &words);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        parts
+            .iter()
+            .for_each(|part| assert!(said.contains(part), "{said}"));
+    };
+    let rest = |seconds| resting(&[Leg::FR], seconds, 0.0);
+    let moves = resting(&[Leg::FR], 1.5, 0.02);
+    refused(
+        &moves,
+        &[],
+        &[
+            "FR_thigh moves",
+            "0.0200 rad from its median",
+            "until its joints rest",
+        ],
+    );
+    let fast = rest(1.5).replacen(",0.01,0.01,0.01,", ",0.01,0.01,0.15,", 1);
+    refused(
+        &fast,
+        &[],
+        &["FR_calf moves: 0.15 rad/s", "at most 0.105 rad/s"],
+    );
+    refused(
+        &rest(0.5),
+        &[],
+        &["51 rows of 0.50 s", "give a second of it"],
+    );
+    refused(
+        &rest(1.5),
+        &["--legs", "FR,RL"],
+        &["nothing of RL", "--legs"],
+    );
+    let header = rest(0.0).lines().next().unwrap().to_owned();
+    refused(&header, &[], &["0 rows", "give a second of it"]);
+    refused(
+        &rest(1.5).replace("tau/FR_calf", "x"),
+        &[],
+        &["tau/FR_calf"],
+    );
+    let beyond = |line: &str| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if line.starts_with(|c: char| c.is_ascii_digit()) {
+            cells[3] = "0.5";
+        }
+        cells.join(",") + "\n"
+    };
+    let beyond: String = rest(1.5).lines().map(beyond).collect();
+    refused(&beyond, &[], &["FR_calf is at 0.5", "beyond its limits"]);
+    // A motor bus does not say it, whatever listens to it.
+    for bus in ["sim", "FR=/dev/ttyUSB0", "qemu"] {
+        let output = proprio(at, &["zero", "none", "--from", bus]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains("dds[:IFACE][/TOPIC] or -"));
+    }
 }
 
 #[test]

@@ -71,6 +71,7 @@ use snapshot::{Snapshots, Source};
 use solution::Solving;
 use support::{HOLD_US, carries};
 pub use walking::{WALK_US, WalkingApp, WalkingMemory};
+pub use zeros::rest;
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;

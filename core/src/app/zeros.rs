@@ -15,7 +15,7 @@ use super::alignment::Alignment;
 use super::identity::Identity;
 use crate::Real;
 use crate::bus::{Breaks, Listener, position_counts};
-use crate::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, position_limits};
+use crate::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, position_limits, quanta};
 use crate::slot::Slot;
 use crate::wire::{Outcome, Positions, SetZero, Zero};
 
@@ -28,6 +28,13 @@ const FRESH_US: u64 = 100_000;
 const STILL: u16 = 52;
 /// A zero that is set anew within so many counts is the same, 0.005 rad of a hip: what was learnt still holds.
 const SAME: u32 = 165;
+
+/// When a joint (its place in the leg) rests for its zero to be set: the greatest speed, rad/s, and how far (rad) positions may be off for their zeros
+/// to be the same.
+pub fn rest(joint: usize) -> [f64; 2] {
+    let [position, speed, _] = quanta(joint);
+    [f64::from(STILL) * speed, f64::from(SAME) * position]
+}
 
 /// How each zero is kept in a snapshot: its count, what is known of it, and the angle at which it was set.
 pub(super) const NUMBERS: usize = 3 * JOINTS_PER_LEG;

@@ -2,14 +2,14 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::Duration;
 
 use crate::capture::{
     CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, Facts, MotorExplanation,
-    Told, explain, record,
+    Told, explain,
 };
-use crate::device::serial::open;
 use crate::device::{BusStep, Device, Qemu, Robot, image};
+use crate::live::{self, Address, Until};
 use crate::monitor::FeedError;
 use crate::name::leg_named;
 use crate::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
@@ -28,7 +28,7 @@ use crate::progress::{Progress, Underway};
 
 /// Record a motor bus's raw bytes, or explain such a recording
 ///
-/// An RS-485 adapter listens to one leg's bus; `qemu` is the bus of an emulated board with a simulated robot. The bytes go to
+/// An RS-485 adapter listens to one leg's bus; `sim` is a bus of a simulated robot, `qemu` the same with an emulated board on it. The bytes go to
 /// the file with their times, until Ctrl-C or --seconds. --explain prints what the device would make of such a file: ids and
 /// order of the motors, cycle rate, turn-around times, seeds of the checksums, errors, and the share of the replies that become
 /// samples. Times are as good as the adapter's: set the latency timer of a USB adapter to 1 ms. With --at of its leg's three joints the capture is
@@ -37,11 +37,15 @@ use crate::progress::{Progress, Underway};
 #[command(after_help = "Examples:
   proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
   proprio capture --explain FR.cap
+  proprio capture sim -o FR.cap --seconds 5 && proprio identify FR.cap
   proprio capture qemu -o FR.cap --seconds 5 && proprio capture --explain FR.cap && proprio identify FR.cap
   proprio capture FR=/dev/ttyUSB0 -o FR.cap --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower")]
 pub(crate) struct Capture {
-    /// Serial port of the adapter, with its leg or without
-    #[arg(value_name = "[LEG=]PORT|qemu", required_unless_present = "explain")]
+    /// Serial port of the adapter, with its leg or without; `sim` or `qemu`
+    #[arg(
+        value_name = "[LEG=]PORT|sim|qemu",
+        required_unless_present = "explain"
+    )]
     port: Option<String>,
     /// Where the capture goes
     #[arg(short, long, value_name = "FILE", required_unless_present = "explain")]
@@ -95,8 +99,22 @@ impl Capture {
         }
     }
 
-    /// What the user says of the bus, and its port.
-    fn bus<'a>(&self, port: &'a str) -> (Facts, &'a str) {
+    /// What the user says of the bus, and its port; of a simulated robot there is none.
+    fn bus<'a>(&self, port: &'a str) -> (Facts, Option<&'a str>) {
+        match Address::parse(&[port.to_owned()]) {
+            Some(Address::Dds(_) | Address::Text) => {
+                let why = format!(
+                    "{port} carries no bytes of a motor bus: `proprio record {port} -o LOG` records its rows"
+                );
+                super::usage_error("capture", ErrorKind::ValueValidation, why);
+            }
+            Some(Address::Simulated) => {
+                let leg = Some(self.leg.unwrap_or(Leg::FR));
+                let told = Told::Angles;
+                return (Facts { leg, told }, None);
+            }
+            Some(Address::Adapters(_)) | None => {}
+        }
         let (named, port) = match port.split_once('=') {
             Some((leg, port)) => match leg_named(leg) {
                 Ok(leg) => (Some(leg), port),
@@ -109,41 +127,52 @@ impl Capture {
         let at = || self.bus.at.first().map(|(joint, _)| joint.leg());
         let leg = named.or(self.leg).or_else(at);
         let told = leg.map_or(Told::Nothing, |leg| self.bus.told("capture", leg));
-        (Facts { leg, told }, port)
+        (Facts { leg, told }, Some(port))
     }
 
     fn record(&self, port: &str, output: &Path) -> Result<String, Error> {
-        let (facts, port) = self.bus(port);
-        let mut port = open(port, self.bus.baud)?;
+        let (facts, bus) = self.bus(port);
+        finish_on_interrupt();
+        let limit = self.seconds.map(Duration::from_secs_f64);
+        // A port may be silent; the simulated robot's time is that of its records alone.
+        let until = bus.map_or_else(Until::default, |_| Until::within(limit));
+        let bytes = live::bytes(bus, &facts, self.bus.baud, &until)?;
+        let mut reader = CaptureReader::new(bytes, port.to_owned())?;
         let written = |source| WriteError {
             path: output.to_owned(),
             source,
         };
         let file = AtomicFile::create(output)?;
-        let mut capture = CaptureWriter::of(file, self.bus.baud, &facts).map_err(written)?;
-        finish_on_interrupt();
+        let capture = CaptureWriter::of(file, reader.baud(), reader.facts());
+        let mut capture = capture.map_err(written)?;
         let mut progress = Progress::new("Recording");
         let underway = self
             .seconds
             .is_none()
             .then(|| Underway::new("Recording until Ctrl-C"));
-        let captured = record(&mut port, &mut capture, Instant::now(), |captured| {
-            let limit_us = self.seconds.map(|seconds| seconds * 1e6);
-            if let Some(limit_us) = limit_us {
-                progress.set(captured.time_us, limit_us as u64);
+        let limit_us = limit.map_or(u64::MAX, |limit| limit.as_micros() as u64);
+        let mut captured = Captured::default();
+        while let Some(record) = reader.next_record().map_err(of_port)? {
+            if record.time_us > limit_us {
+                break;
             }
-            !asked_to_finish()
-                && limit_us.is_none_or(|limit_us| (captured.time_us as f64) < limit_us)
-        });
+            capture
+                .record(record.time_us, &record.bytes)
+                .map_err(written)?;
+            captured.bytes += record.bytes.len() as u64;
+            captured.records += 1;
+            captured.time_us = record.time_us;
+            if limit.is_some() {
+                progress.set(captured.time_us, limit_us);
+            }
+        }
+        until.stop();
         drop(underway);
         let Captured {
             bytes,
             records,
             time_us,
-        } = captured.map_err(|error| match error {
-            CaptureError::Write(source) => Error::Write(written(source)),
-            error => Error::Capture(error),
-        })?;
+        } = captured;
         capture.finish().map_err(written)?.commit()?;
         let recorded = Recorded {
             output: output.to_owned(),
@@ -250,6 +279,14 @@ impl fmt::Display for Recorded {
             )?;
         }
         writeln!(f, "What they say: proprio capture --explain {output}")
+    }
+}
+
+/// What ends a capture that is still being made: its port has stopped working.
+fn of_port(error: CaptureError) -> CaptureError {
+    match error {
+        CaptureError::Read { source, .. } => CaptureError::Port(source),
+        error => error,
     }
 }
 

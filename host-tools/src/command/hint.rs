@@ -17,7 +17,7 @@ use crate::factors::FactorsError;
 use crate::fleet::TableError;
 use crate::free_base::FreeBaseError;
 use crate::kinematics::CalibrateError;
-use crate::live::LiveError;
+use crate::live::{LiveError, RestError};
 use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
@@ -79,14 +79,14 @@ pub(super) fn of(error: &Error) -> Option<String> {
         }
         Error::Live(error) | Error::Feed(FeedError::Live(error)) => of_live(error),
         Error::Journal(error) => Some(of_journal(error).to_owned()),
-        Error::Web(WebError::Taken(address)) => Some(format!(
-            "take another port: --web={0}:{1}, or --web={0}:0 for any that is free",
+        Error::Web(WebError::Taken { option, address }) => Some(format!(
+            "take another port: {option}={0}:{1}, or {option}={0}:0 for any that is free",
             host(address),
             address.port().wrapping_add(1).max(1024)
         )),
-        Error::Web(WebError::Bind { .. }) => Some(
-            "take an address of this machine and a port from 1024 on: --web=127.0.0.1:7700".to_owned(),
-        ),
+        Error::Web(WebError::Bind { option, .. }) => Some(format!(
+            "take an address of this machine and a port from 1024 on: {option}=127.0.0.1:7700"
+        )),
         Error::Frf(error) => match error {
             FrfError::Log(error) => Some(of_log(error)),
             FrfError::Name(unknown) => of_name(unknown),
@@ -139,6 +139,8 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::NotPlaced { .. } => Some(
             "the robot must be on and its bus heard, the joint at rest where it is said to be: proprio monitor PORT".to_owned(),
         ),
+        Error::Rest(error) => of_rest(error),
+        Error::NotReported { .. } => Some("name other --legs, or a source that has all joints of this one".to_owned()),
         Error::NoZeros => Some("say where the joints are: proprio zero PORT --help".to_owned()),
         Error::NoTrial => Some("see what it has found: proprio monitor PORT".to_owned()),
         Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
@@ -222,7 +224,9 @@ pub fn of_excite(error: &ExciteError) -> Option<String> {
 
 fn of_live(error: &LiveError) -> Option<String> {
     let hint = match error {
-        LiveError::NotBuilt => "in a clone of proprio: cargo install --path proprio --features dds",
+        LiveError::NotBuilt => {
+            "in a clone of proprio: cargo install --path proprio --features dds; of the Python package: MATURIN_PEP517_ARGS='--features dds' pip install ./python"
+        }
         LiveError::Terminal => "pipe rows of CSV into it: my_driver | proprio record - -o log.csv",
         LiveError::NoInterface { .. } | LiveError::WhichInterface { .. } => {
             "name the interface whose cable or network leads to the robot: dds:eth0"
@@ -238,6 +242,23 @@ fn of_live(error: &LiveError) -> Option<String> {
             ));
         }
         LiveError::Thread(_) | LiveError::Dds { .. } => return None,
+    };
+    Some(hint.to_owned())
+}
+
+fn of_rest(error: &RestError) -> Option<String> {
+    let hint = match error {
+        RestError::Live(error) => return of_live(error),
+        RestError::Log(error) => return Some(of_log(error)),
+        RestError::Short { .. } => {
+            "check that the robot sends all the time, and give a second of it"
+        }
+        RestError::Moves { .. } => {
+            "lay the robot down, or hang it, until its joints rest; then again"
+        }
+        RestError::OutOfRange { .. } => {
+            "positions are in rad at the joints; if the robot's own zero is wrong, name the angles: --pose, --at"
+        }
     };
     Some(hint.to_owned())
 }
@@ -363,6 +384,9 @@ fn of_log(error: &LogError) -> String {
         Problem::Empty => "record again: the recorder wrote nothing, not even a header".to_owned(),
         Problem::NoHeader => {
             "put the columns' names on the first line: `t,q/FR_hip,dq/FR_hip,tau/FR_hip,…`".to_owned()
+        }
+        Problem::EchoedCsv => {
+            "record the topic with its type: ros2 bag record /joint_states, or proprio record dds:IFACE/joint_states -o log.mcap".to_owned()
         }
         Problem::Separator(separator) => {
             format!("write the log with commas instead of `{}`, decimals with a point", separator.escape_default())

@@ -53,7 +53,7 @@ use crate::fleet::{Fault, TableError};
 use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
 use crate::kinematics::CalibrateError;
-use crate::live::LiveError;
+use crate::live::{LiveError, RestError};
 use crate::log::LogError;
 use crate::model::export::ExportError;
 use crate::model::{AskedError, Model, ModelError, RobotError, UnknownName};
@@ -352,6 +352,15 @@ pub(crate) enum Error {
     NotPlaced {
         joint: &'static str,
         why: &'static str,
+    },
+    /// `zero --from` of a robot whose joints do not rest, or of a source that does not say.
+    #[error(transparent)]
+    Rest(#[from] RestError),
+    /// `zero --from` of a source without a leg that is asked for.
+    #[error("{source_name}: it says nothing of {leg}")]
+    NotReported {
+        source_name: String,
+        leg: &'static str,
     },
     /// `zero --same-power-up` where nothing was kept, or a motor was silent since.
     #[error("the device has kept no zeros that have held since")]

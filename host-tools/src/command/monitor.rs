@@ -1,5 +1,6 @@
 //! `proprio monitor`: live estimates of a device.
 
+mod foxglove;
 mod lines;
 mod session;
 mod settings;
@@ -25,6 +26,7 @@ use proprio_core::wire::{Action, Hello, Positions};
 use proprio_simulator::Hide;
 use proprio_simulator::hidden::typical;
 
+use foxglove::Viewers;
 use session::Session;
 use settings::{Known, KnownBody};
 
@@ -59,6 +61,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor sim --power-up 1 --speed 0 --seconds 5 --lines
   proprio monitor /dev/ttyACM0 --legs FR,FL --prior viscous:FR_hip=0.04,0.01 --body FR_calf=0.5
   proprio monitor qemu --web
+  proprio monitor dds:eth0 --foxglove
   proprio monitor sim --speed 0 --seconds 30 --json")]
 pub(crate) struct Monitor {
     /// Whose messages
@@ -110,6 +113,10 @@ pub(crate) struct Monitor {
     /// machine alone; port 0: any that is free]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:7700", conflicts_with = "lines")]
     web: Option<SocketAddr>,
+    /// Also serve viewers that speak Foxglove's WebSocket protocol; whoever reaches ADDRESS can look, and ask nothing [default of ADDRESS:
+    /// 127.0.0.1:8765, for this machine alone; port 0: any that is free]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
+    foxglove: Option<SocketAddr>,
     /// Print lines instead of a screen
     #[arg(long)]
     lines: bool,
@@ -122,6 +129,7 @@ impl Monitor {
     pub(crate) fn run(self) -> Result<String, Error> {
         // A port that is taken is said before anything is built or recorded.
         let server = self.web.map(Server::start).transpose()?;
+        let viewers = self.foxglove.map(Viewers::start).transpose()?;
         let source = self.open()?;
         let settings = self.settings(source.hello())?;
         let journal = self.record.as_deref().map(journal).transpose()?;
@@ -129,6 +137,7 @@ impl Monitor {
             feed: Feed::start(source, self.speed, settings),
             journal: journal.zip(self.record.clone()),
             view: Default::default(),
+            viewers,
             limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
             ended: false,
         };
@@ -139,6 +148,7 @@ impl Monitor {
             (None, true) => terminal::watch(&mut session, name)?,
             (None, false) => lines::watch(&mut session, self.json)?,
         }
+        session.viewers.take().into_iter().for_each(Viewers::end);
         Ok(match self.json {
             true => result("monitor", &lines::Report::new(&session.view)),
             false => String::new(),

@@ -45,7 +45,7 @@ pub(crate) struct Record {
     /// `dds`, with the interface that leads to the robot and the topic; adapters on motor buses; `sim`; or - for standard input
     #[arg(value_name = "dds[:IFACE][/TOPIC]|LEG=PORT...|sim|-", required = true)]
     source: Vec<String>,
-    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came (of motor buses: joint states)
+    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came (of motor buses and of CSV: joint states)
     #[arg(short, long, value_name = "LOG")]
     output: PathBuf,
     /// How long to record [default: until Ctrl-C]
@@ -98,10 +98,6 @@ impl Record {
             super::usage_error("record", ErrorKind::ValueValidation, why);
         };
         let format = Format::of(&self.output);
-        if format == Format::Mcap && address == Address::Text {
-            let why = "rows of text are no messages: name a .csv or .csv.gz".to_owned();
-            super::usage_error("record", ErrorKind::ArgumentConflict, why);
-        }
         let robot = self.robot.robot()?;
         let facts = self.buses.facts("record");
         finish_on_interrupt();
@@ -283,7 +279,8 @@ impl Recording {
         Ok(failed)
     }
 
-    /// Writes messages as they come; rows of motor buses as joint states, their times on this machine's clock.
+    /// Writes messages as they come; rows of text and of motor buses as joint states. The first row has this machine's time, and those after it are
+    /// as far from it as their own clock says.
     #[cfg(feature = "mcap")]
     fn messages<W: Write>(
         &mut self,
@@ -300,18 +297,27 @@ impl Recording {
                 messages,
             } => (topic, kind, messages),
             Source::Text(_) | Source::Buses(_) => {
-                let begin = SystemTime::now().duration_since(UNIX_EPOCH);
-                let begin = begin.map_or(0.0, |begin| begin.as_secs_f64());
                 let mut rows = LiveRows::follow(Path::new(name), source.into_input(), robot)
                     .map_err(Failed::Read)?;
+                let begin = SystemTime::now().duration_since(UNIX_EPOCH);
+                let begin_us = begin.map_or(0, |begin| begin.as_micros() as i64);
+                let mut first = None;
                 let [.., kind] = MESSAGE_KINDS;
                 let mut writer =
                     MessageWriter::new(out, "joint_states", kind).map_err(Failed::Write)?;
                 let failed = self.follow(&mut rows, true, |columns, row| {
-                    // Whole microseconds, as the buses' clock has them.
-                    let time_us = ((begin + row.t()) * 1e6).round();
-                    writer.row(time_us as i64 * 1000, columns, row)
+                    let t = row.t();
+                    // Whole microseconds, to which a log's times are read.
+                    let after_us = ((t - *first.get_or_insert(t)) * 1e6).round() as i64;
+                    writer.row((begin_us + after_us) * 1000, columns, row)
                 })?;
+                let beyond = rows.columns().beyond_motion();
+                if !beyond.is_empty() {
+                    self.warnings.push(format!(
+                        "a JointState has no field for {}: left out; a .csv keeps them",
+                        beyond.join(", ")
+                    ));
+                }
                 return Ok((writer.finish().map_err(Failed::Write)?, failed));
             }
         };
@@ -332,8 +338,8 @@ impl Recording {
         _: &str,
         _: Source,
         _: &Robot,
-        out: W,
+        _: W,
     ) -> Result<(W, Option<LogError>), Failed> {
-        Ok((out, None))
+        Err(Failed::Write(crate::output::not_built("MCAP", "mcap")))
     }
 }

@@ -9,6 +9,7 @@ use crate::device::power_up::PowerUp;
 use crate::device::replay::resting;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, image};
+use crate::live::{Address, BusFacts, Counts, REST, Source, Until, resting_at};
 use crate::name::leg_named;
 use crate::table::Table;
 use clap::Args;
@@ -26,11 +27,12 @@ use super::result::result;
 /// Set where a device's joints are, so that it knows their zeros
 ///
 /// A motor counts its rotor's turns from its power-up on, from another place each time. A device therefore identifies nothing
-/// until each joint's position is set: while the robot rests in a named pose, with joints against their stops, or at measured
-/// angles. Joints may be set one after the other. A zero holds until a motor is silent for 0.1 s or its position jumps;
-/// `monitor` then reports it.
+/// until each joint's position is set: while the robot rests in a named pose, with joints against their stops, at measured
+/// angles, or where the robot itself reports them to be. Joints may be set one after the other. A zero holds until a motor is silent for 0.1 s or its
+/// position jumps; `monitor` then reports it.
 ///
-/// Without --pose and --at it prints what the device knows. `sim` and `qemu` are devices with a simulated robot after a
+/// A robot at rest does not show which way its motors turn: the device's own trial, while the joints move, finds a reversed one, and --reversed states
+/// it. Without --pose, --at and --from it prints what the device knows. `sim` and `qemu` are devices with a simulated robot after a
 /// power-up, at rest where the options say: to try what a real one will be asked.
 #[derive(Debug, Args)]
 #[command(after_help = poses_help())]
@@ -47,16 +49,23 @@ pub(crate) struct Zero {
     /// A joint rests at this angle, rad, or at its `lower` or `upper` stop
     #[arg(long, value_name = "JOINT=ANGLE", value_parser = parse_at)]
     at: Vec<(JointId, f64)>,
+    /// Each joint rests where the robot itself reports it: the median of a second of its network's messages (`dds`, as `record` takes it), or of
+    /// rows of CSV on standard input (-). Keep it at rest until the device has answered
+    #[arg(long, value_name = "dds[:IFACE][/TOPIC]|-", value_parser = parse_from)]
+    from: Option<Reporter>,
+    /// DDS domain
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "from", value_parser = clap::value_parser!(u16).range(0..=232))]
+    domain: u16,
     /// These joints' motors turn against them, separated by commas
     #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint)]
     reversed: Vec<JointId>,
     /// The board was restarted, and the motors were not switched off since the zeros were set: have it trust the zeros that it
     /// has kept
-    #[arg(long, conflicts_with_all = ["pose", "at", "reversed"])]
+    #[arg(long, conflicts_with_all = ["pose", "at", "from", "reversed"])]
     same_power_up: bool,
     /// The wiring is right, whatever the device has not made out yet: have it identify the legs on trial. It keeps to a fault that it
     /// has found
-    #[arg(long, conflicts_with_all = ["pose", "at", "reversed", "same_power_up"])]
+    #[arg(long, conflicts_with_all = ["pose", "at", "from", "reversed", "same_power_up"])]
     trust_wiring: bool,
     /// Print what would be set, and set nothing
     #[arg(long)]
@@ -77,6 +86,7 @@ Examples:
   proprio zero /dev/ttyACM0 --pose calves-folded --pose hips-out
   proprio zero /dev/ttyACM0 --legs FR --at FR_thigh=0.72
   proprio zero sim --pose calves-folded --at FR_hip=0.1 --at FR_thigh=0.8
+  proprio zero /dev/ttyACM0 --from dds:eth0
   proprio zero /dev/ttyACM0 --same-power-up
   proprio zero /dev/ttyACM0 --pose thighs-back --dry-run",
         poses.concat()
@@ -109,6 +119,26 @@ pub(super) fn parse_at(text: &str) -> Result<(JointId, f64), String> {
             "{} is between {lower} and {upper} rad",
             joint.name()
         )),
+    }
+}
+
+/// A live source that knows where joints are.
+#[derive(Debug, Clone)]
+struct Reporter {
+    name: String,
+    address: Address,
+}
+
+fn parse_from(text: &str) -> Result<Reporter, String> {
+    match Address::parse(&[text.to_owned()]) {
+        Some(address @ (Address::Text | Address::Dds(_))) => Ok(Reporter {
+            name: text.to_owned(),
+            address,
+        }),
+        Some(_) => {
+            Err("a motor bus does not say where joints are: dds[:IFACE][/TOPIC] or -".to_owned())
+        }
+        None => Err("expected dds[:IFACE][/TOPIC] or -".to_owned()),
     }
 }
 
@@ -148,7 +178,8 @@ const LOOK_US: u64 = 2_000;
 
 impl Zero {
     pub(crate) fn run(self) -> Result<String, Error> {
-        let wanted = self.wanted();
+        let reported = self.reported()?;
+        let wanted = self.wanted(&reported);
         let mut report = Report {
             joints: wanted.iter().map(|asked| self.joint(asked)).collect(),
             told: !self.dry_run,
@@ -170,8 +201,35 @@ impl Zero {
         })
     }
 
-    /// Each joint that is told, and its angle: of a joint told twice, what --at says.
-    fn wanted(&self) -> Vec<(JointId, f64)> {
+    /// Where the robot itself reports the joints to rest, of the legs that are asked for.
+    fn reported(&self) -> Result<Vec<(JointId, f64)>, Error> {
+        let Some(Reporter { name, address }) = &self.from else {
+            return Ok(Vec::new());
+        };
+        // Of a sender that goes silent, what came by then is too short.
+        let until = Until::after(Some(Duration::from_secs_f64(3.0 * REST)));
+        let (facts, counts) = (BusFacts::default(), Counts::default());
+        let source = Source::open(address, self.domain, &facts, &until, &counts)?;
+        let at = resting_at(name, source)?;
+        until.stop();
+        let lacks = |leg: &&Leg| at.iter().all(|(joint, _)| joint.leg() != **leg);
+        if let Some(leg) = self.legs.iter().find(lacks) {
+            let source = name.clone();
+            let leg = leg.name();
+            return Err(Error::NotReported {
+                source_name: source,
+                leg,
+            });
+        }
+        let asked = |leg| self.legs.is_empty() || self.legs.contains(&leg);
+        Ok(at
+            .into_iter()
+            .filter(|(joint, _)| asked(joint.leg()))
+            .collect())
+    }
+
+    /// Each joint that is told, and its angle: of a joint told twice, what --at says, else --pose, else the robot.
+    fn wanted(&self, reported: &[(JointId, f64)]) -> Vec<(JointId, f64)> {
         let legs = match self.legs.is_empty() {
             true => &Leg::ALL,
             false => &self.legs[..],
@@ -179,7 +237,8 @@ impl Zero {
         let poses = self.pose.iter().filter_map(|name| Pose::from_name(name));
         let posed = poses.flat_map(|pose| pose.angles(legs));
         let mut wanted: Vec<(JointId, f64)> = Vec::new();
-        for (joint, angle) in posed.chain(self.at.iter().copied()) {
+        let reported = reported.iter().copied();
+        for (joint, angle) in reported.chain(posed).chain(self.at.iter().copied()) {
             match wanted.iter_mut().find(|(known, _)| *known == joint) {
                 Some(known) => known.1 = angle,
                 None => wanted.push((joint, angle)),
@@ -417,7 +476,7 @@ impl fmt::Display for Report {
         if unknown.count() > 0 {
             writeln!(
                 f,
-                "A leg is identified once all its zeros are known: --pose or --at"
+                "A leg is identified once all its zeros are known: --pose, --at or --from"
             )?;
         }
         Ok(())

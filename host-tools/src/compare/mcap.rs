@@ -13,16 +13,9 @@ use mcap::{WriteOptions, Writer};
 use super::own_rate::own_rate_floors;
 use super::{Comparison, own_rate};
 use crate::detect::JointSeries;
-use crate::log::JOINT_STATE;
-use crate::log::cdr::{self, Cdr};
+use crate::log::cdr::{self, INFO, JOINT_STATE, LOG, WARN};
 use crate::model::Model;
 use crate::recording::Recording;
-
-/// The definition of `rcl_interfaces/msg/Log`.
-const LOG: &str = include_str!("log.msg");
-/// `Log`'s levels (rcl_interfaces).
-const INFO: u8 = 20;
-const WARN: u8 = 30;
 
 /// A sample of a series.
 type Value = fn(&JointSeries, usize) -> f64;
@@ -80,7 +73,14 @@ pub(super) fn bytes(
     }
     let channel = file.channel("/events", false)?;
     for event in events(comparison) {
-        file.write(channel, event.t, &event.cdr())?;
+        let Event {
+            t,
+            level,
+            name,
+            text,
+        } = &event;
+        let message = cdr::log(nanoseconds(*t), *level, name, text);
+        file.write(channel, *t, &message)?;
     }
     file.finish()
 }
@@ -120,19 +120,6 @@ fn events(comparison: &Comparison) -> Vec<Event> {
     let mut all: Vec<Event> = logs.chain(warnings).chain(feet).chain(episodes).collect();
     all.sort_by(|a, b| a.t.total_cmp(&b.t));
     all
-}
-
-impl Event {
-    fn cdr(&self) -> Vec<u8> {
-        let mut cdr = Cdr::new(nanoseconds(self.t));
-        cdr.u8(self.level);
-        cdr.text(&self.name);
-        cdr.text(&self.text);
-        cdr.text("");
-        cdr.text("");
-        cdr.u32(0);
-        cdr.finish()
-    }
 }
 
 /// A message of all joints: positions, velocities and efforts, each a number per joint or none.

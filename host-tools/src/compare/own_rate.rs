@@ -1,8 +1,11 @@
 //! A model's torque at the log's own rate, where the comparison takes windows of 20 ms.
 
+#[cfg(feature = "mcap")]
 use std::collections::BTreeMap;
 
-use crate::detect::{JointSeries, floor};
+use crate::detect::JointSeries;
+#[cfg(feature = "mcap")]
+use crate::detect::floor;
 use crate::equation::values::Values;
 use crate::estimate::robot::data;
 use crate::model::Model;
@@ -24,6 +27,7 @@ pub fn own_rate(recording: &Recording, model: &Model) -> Vec<JointSeries> {
 }
 
 /// The noise of each joint's torque at that rate, N m, by the joint's name: of the log, whatever the model; none for too few samples.
+#[cfg(feature = "mcap")]
 pub(crate) fn own_rate_floors(
     recording: &Recording,
     model: &Model,

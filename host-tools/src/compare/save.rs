@@ -4,9 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::{Comparison, csv};
-use crate::estimate::Constraint;
-use crate::identify::{FitOptions, fit_model};
-use crate::model::{Model, Provenance};
+use crate::model::Model;
 use crate::output::{AtomicFile, WriteError};
 use crate::recording::Recording;
 
@@ -41,6 +39,10 @@ pub fn save(
 
 #[cfg(feature = "mcap")]
 fn mcap(comparison: &Comparison, recording: &Recording, model: &Model) -> io::Result<Vec<u8>> {
+    use crate::estimate::Constraint;
+    use crate::identify::{FitOptions, fit_model};
+    use crate::model::Provenance;
+
     if !comparison.fitted {
         return super::mcap::bytes(comparison, recording, model);
     }
@@ -59,6 +61,5 @@ fn mcap(comparison: &Comparison, recording: &Recording, model: &Model) -> io::Re
 
 #[cfg(not(feature = "mcap"))]
 fn mcap(_: &Comparison, _: &Recording, _: &Model) -> io::Result<Vec<u8>> {
-    let words = "this build has no MCAP: build it with the feature `mcap`";
-    Err(io::Error::new(io::ErrorKind::Unsupported, words))
+    Err(crate::output::not_built("MCAP", "mcap"))
 }

@@ -3,7 +3,7 @@
 //! A board lives in its own time, so steps are sent when they are due. One port is the host link; each leg that is to be
 //! played needs an RS-485 adapter of its own at [`BUS_BAUD`], wired to that leg's input.
 
-use std::io::Write;
+use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 use proprio_core::go2::LEGS;
@@ -61,7 +61,7 @@ impl SerialDevice {
 ///
 /// # Errors
 /// [`DeviceError::Port`].
-pub fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
+fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
     serialport::new(port, baud)
         .timeout(Duration::from_millis(1))
         .open()
@@ -69,6 +69,14 @@ pub fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
             port: port.to_owned(),
             source,
         })
+}
+
+/// A serial port as [`open`] opens it, to listen to: nothing can be sent through what is given.
+///
+/// # Errors
+/// [`DeviceError::Port`].
+pub fn listen(port: &str, baud: u32) -> Result<Box<dyn Read + Send>, DeviceError> {
+    Ok(Box::new(open(port, baud)?))
 }
 
 impl Device for SerialDevice {

@@ -87,6 +87,7 @@ impl<'a> LimbData<'a> {
     }
 
     /// The same with every third of those windows: no two have a sample in common, so that their noise has none.
+    #[cfg(feature = "mcap")]
     pub(crate) fn at_samples_apart(&self) -> Option<Self> {
         let (recording, gains) = (self.recording, &self.velocity_gain);
         let mut motion = Motion::at_samples(recording, &self.blocks, gains);

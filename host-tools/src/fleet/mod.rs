@@ -40,7 +40,7 @@ pub use partial::{Kept, merge, partial};
 pub use prior::prior_model;
 pub use table::{TableError, read, write};
 
-#[cfg(test)]
+#[cfg(all(test, feature = "parquet"))]
 mod gate_tests;
 #[cfg(test)]
 mod study;

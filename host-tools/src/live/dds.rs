@@ -1,10 +1,11 @@
 //! Messages of a topic of a DDS domain, over one network interface.
 //!
-//! Nothing here can write: of the participant only a subscriber is made, and no writer's type is named. The reader is best effort, so that no
+//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers. The reader is best effort, so that no
 //! writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
 
+mod domain;
+
 use std::collections::HashMap;
-use std::convert::Infallible;
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -12,12 +13,8 @@ use std::task::{Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
-use rustdds::policy::{Durability, History, Reliability};
-use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, QosPolicyBuilder,
-    RepresentationIdentifier, TopicKind,
-};
+use domain::{Domain, Reader};
+use rustdds::GUID;
 
 use super::Counts;
 use super::address::Topic;
@@ -34,8 +31,6 @@ const MORE: Duration = Duration::from_millis(500);
 const CENSUS: Duration = Duration::from_millis(500);
 /// Writers of another type that are remembered, for the count of them.
 const OTHERS: usize = 64;
-/// Messages that the middleware keeps for us: two seconds of a robot's.
-const HISTORY: i32 = 1024;
 /// Messages that may wait for who takes them: 16 s of a robot's.
 const WAITING: usize = 8192;
 
@@ -64,20 +59,17 @@ pub fn subscribe(
         interface: interface.name.clone(),
         problem,
     };
-    let participant = DomainParticipantBuilder::new(domain)
-        .with_only_networks([interface.address])
-        // Announcements to this machine's own loopback would go beyond the interface that was chosen.
-        .same_host_loopback(false)
-        .build()
-        .map_err(|error| failed(error.to_string()))?;
-    let found = find(&participant, topic, until).ok_or_else(|| LiveError::NoWriter {
+    let joined = Domain::join(domain, interface.address);
+    let joined = joined.map_err(|error| failed(error.to_string()))?;
+    let found = find(&joined, topic, until).ok_or_else(|| LiveError::NoWriter {
         domain,
         interface: interface.name.clone(),
         asked: topic.name.clone(),
         seconds: PATIENCE_S,
-        seen: written(&participant),
+        seen: written(&joined),
     })?;
-    let reader = reader(&participant, &found).map_err(|error| failed(error.to_string()))?;
+    let reader = joined.read(found.name.clone(), found.type_name.clone());
+    let reader = reader.map_err(|error| failed(error.to_string()))?;
     let (send, messages) = sync_channel(WAITING);
     let receiving = Receiving {
         topic: found.name.clone(),
@@ -85,7 +77,7 @@ pub fn subscribe(
         type_name: found.type_name,
         kind: found.kind,
         types: HashMap::new(),
-        participant,
+        domain: joined,
         follower: Follower::default(),
         send,
         until: until.clone(),
@@ -192,22 +184,18 @@ fn kind_of(type_name: &str) -> Option<&'static str> {
 
 /// Waits for a writer of the topic; of several topics the first of [`MESSAGE_KINDS`], and of one type that of the shortest name: a robot's own
 /// rate is on `lowstate`, a thinned copy on `lf/lowstate`.
-fn find(participant: &DomainParticipant, topic: &Topic, until: &Until) -> Option<Found> {
+fn find(domain: &Domain, topic: &Topic, until: &Until) -> Option<Found> {
     let begin = Instant::now();
     let mut since: Option<Instant> = None;
     while begin.elapsed() < Duration::from_secs(PATIENCE_S) && !until.is_over(None) {
-        let found = participant
-            .discovered_writers()
-            .into_iter()
-            .filter_map(|w| {
-                let data = w.publication_topic_data;
-                let kind = kind_of(&data.type_name)?;
-                topic.is(&data.topic_name).then_some(Found {
-                    name: data.topic_name,
-                    type_name: data.type_name,
-                    kind,
-                })
-            });
+        let found = domain.writers().filter_map(|announced| {
+            let kind = kind_of(&announced.type_name)?;
+            topic.is(&announced.topic).then_some(Found {
+                name: announced.topic,
+                type_name: announced.type_name,
+                kind,
+            })
+        });
         let rank = |found: &Found| {
             let kind = MESSAGE_KINDS.iter().position(|kind| *kind == found.kind);
             (kind, found.name.len(), found.name.clone())
@@ -222,86 +210,15 @@ fn find(participant: &DomainParticipant, topic: &Topic, until: &Until) -> Option
 }
 
 /// Topics that are written in the domain, with their types.
-fn written(participant: &DomainParticipant) -> Vec<String> {
-    let writers = participant.discovered_writers().into_iter();
-    let mut seen: Vec<String> = writers
-        .map(|w| w.publication_topic_data)
-        .map(|data| format!("{} ({})", data.topic_name, data.type_name))
+fn written(domain: &Domain) -> Vec<String> {
+    let mut seen: Vec<String> = domain
+        .writers()
+        .map(|announced| format!("{} ({})", announced.topic, announced.type_name))
         .collect();
     seen.sort();
     seen.dedup();
     seen.truncate(20);
     seen
-}
-
-fn quality() -> QosPolicies {
-    QosPolicyBuilder::new()
-        .reliability(Reliability::BestEffort)
-        .durability(Durability::Volatile)
-        .history(History::KeepLast { depth: HISTORY })
-        .build()
-}
-
-fn reader(
-    participant: &DomainParticipant,
-    found: &Found,
-) -> Result<SimpleDataReader<Payload, Bytes>, rustdds::dds::CreateError> {
-    let quality = quality();
-    let topic = participant.create_topic(
-        found.name.clone(),
-        found.type_name.clone(),
-        &quality,
-        TopicKind::NoKey,
-    )?;
-    let subscriber = participant.create_subscriber(&quality)?;
-    subscriber.create_simple_datareader_no_key::<Payload, Bytes>(&topic, Some(quality))
-}
-
-/// A message's bytes with the header that says how they are encoded.
-struct Payload(Vec<u8>);
-
-/// Keeps payloads as they came.
-struct Bytes;
-
-/// Copies bytes.
-#[derive(Clone)]
-struct Copy;
-
-impl DeserializerAdapter<Payload> for Bytes {
-    type Error = Infallible;
-    type Decoded = Payload;
-
-    fn supported_encodings() -> &'static [RepresentationIdentifier] {
-        // Others are kept too, and counted as unreadable by who looks at their header.
-        &[
-            RepresentationIdentifier::CDR_LE,
-            RepresentationIdentifier::XCDR2_LE,
-            RepresentationIdentifier::CDR_BE,
-            RepresentationIdentifier::XCDR2_BE,
-        ]
-    }
-
-    fn transform_decoded(decoded: Payload) -> Payload {
-        decoded
-    }
-}
-
-impl DefaultDecoder<Payload> for Bytes {
-    type Decoder = Copy;
-    const DECODER: Copy = Copy;
-}
-
-impl Decode<'_, Payload> for Copy {
-    type Error = Infallible;
-
-    fn decode_bytes(
-        self,
-        bytes: &[u8],
-        encoding: RepresentationIdentifier,
-    ) -> Result<Payload, Infallible> {
-        let [high, low] = encoding.to_bytes();
-        Ok(Payload([&[high, low, 0, 0], bytes].concat()))
-    }
 }
 
 /// Wakes the thread that waits for messages.
@@ -322,7 +239,7 @@ struct Receiving {
     kind: &'static str,
     /// Whether each writer gives the topic this type, as it announced.
     types: HashMap<GUID, bool>,
-    participant: DomainParticipant,
+    domain: Domain,
     follower: Follower<GUID>,
     send: SyncSender<LiveMessage>,
     until: Until,
@@ -330,7 +247,7 @@ struct Receiving {
 }
 
 impl Receiving {
-    fn run(mut self, reader: &SimpleDataReader<Payload, Bytes>) {
+    fn run(mut self, reader: &Reader) {
         let waker = Waker::from(Arc::new(Unpark(thread::current())));
         let mut census: Option<Instant> = None;
         while !self.until.is_over(None) {
@@ -360,11 +277,11 @@ impl Receiving {
 
     /// Middleware that compares types lets their messages not come this far; so they are counted by their announcements.
     fn count_other_types(&mut self) {
-        for writer in self.participant.discovered_writers() {
-            let data = writer.publication_topic_data;
-            let is_other = data.topic_name == self.topic && data.type_name != self.type_name;
-            if is_other && self.others.len() < OTHERS && !self.others.contains(&data.key) {
-                self.others.push(data.key);
+        for announced in self.domain.writers() {
+            let is_other = announced.topic == self.topic && announced.type_name != self.type_name;
+            let writer = announced.writer;
+            if is_other && self.others.len() < OTHERS && !self.others.contains(&writer) {
+                self.others.push(writer);
                 self.counts.with(|tally| tally.other_type_writers += 1);
             }
         }
@@ -407,12 +324,11 @@ impl Receiving {
         if let Some(right) = self.types.get(&writer) {
             return *right;
         }
-        let announced = self.participant.discovered_writers().into_iter();
-        let data = announced.map(|w| w.publication_topic_data);
-        let Some(data) = data.into_iter().find(|data| data.key == writer) else {
+        let mut all = self.domain.writers();
+        let Some(announced) = all.find(|announced| announced.writer == writer) else {
             return true;
         };
-        let right = data.type_name == self.type_name;
+        let right = announced.type_name == self.type_name;
         self.types.insert(writer, right);
         right
     }

@@ -11,6 +11,7 @@
 //! - `error`: why nothing can be received
 //! - `follow`: which of the messages of several writers are one robot's, each once
 //! - `pieces`: bytes that a thread reads, piece by piece
+//! - `rest`: where a robot's joints rest
 //! - `text`: lines of standard input as they come
 //! - `until`: when to end
 
@@ -21,19 +22,23 @@ mod dds;
 mod error;
 mod follow;
 mod pieces;
+mod rest;
 mod text;
 mod until;
 
 pub use address::{Adapter, Address, Topic};
-pub use bus::{BusFacts, LiveCapture};
+pub use bus::{BusFacts, LiveCapture, bytes};
 #[cfg(feature = "dds")]
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
 pub use follow::{Arrival, Follower, Tally};
+pub use rest::{REST, RestError, resting_at};
 pub use text::lines;
 pub use until::Until;
 
 use std::sync::{Arc, Mutex, PoisonError};
+
+use proprio_core::go2::Leg;
 
 #[cfg(feature = "mcap")]
 use crate::log::LiveMessages;
@@ -88,7 +93,7 @@ impl Source {
         match address {
             Address::Text => Ok(Self::Text(Box::new(lines(until.clone())?))),
             Address::Adapters(adapters) => Ok(Self::Buses(bus::listen(adapters, facts, until)?)),
-            Address::Simulated => Ok(Self::Buses(bus::simulate(until)?)),
+            Address::Simulated => Ok(Self::Buses(bus::simulate(Leg::ALL, until)?.into())),
             #[cfg(feature = "dds")]
             Address::Dds(topic) => {
                 let subscription = subscribe(topic, domain, until, counts)?;

@@ -1,5 +1,14 @@
 //! Messages as they are written: numbers, each at a multiple of its size from the byte after the header's four (OMG's CDR, little-endian).
 
+/// The definition of `sensor_msgs/msg/JointState`.
+pub(crate) const JOINT_STATE: &str = include_str!("messages/joint_state.msg");
+/// The definition of `rcl_interfaces/msg/Log`.
+pub(crate) const LOG: &str = include_str!("messages/log.msg");
+/// `Log`'s levels (rcl_interfaces).
+pub(crate) const INFO: u8 = 20;
+#[cfg(feature = "mcap")]
+pub(crate) const WARN: u8 = 30;
+
 /// Bytes that say how the others are written.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
@@ -71,6 +80,18 @@ pub(crate) fn joint_state<'a>(
     cdr.u32(joints.len() as u32);
     joints.for_each(|joint| cdr.text(joint));
     row.iter().for_each(|numbers| cdr.numbers(numbers));
+    cdr.finish()
+}
+
+/// An `rcl_interfaces/msg/Log`: a line of text, of this level, by whoever is called `name`.
+pub(crate) fn log(stamp_ns: u64, level: u8, name: &str, text: &str) -> Vec<u8> {
+    let mut cdr = Cdr::new(stamp_ns);
+    cdr.u8(level);
+    cdr.text(name);
+    cdr.text(text);
+    cdr.text("");
+    cdr.text("");
+    cdr.u32(0);
     cdr.finish()
 }
 

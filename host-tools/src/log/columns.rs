@@ -134,6 +134,20 @@ impl Columns {
         self.slots.feet().any(|slot| self.has_slot(slot))
     }
 
+    /// What the log has beside the joints' motion, by the names before the slash: `temp`, `gyro`, `foot`.
+    #[cfg(any(feature = "mcap", test))]
+    pub fn beyond_motion(&self) -> Vec<&'static str> {
+        let joints = Channel::ALL[Channel::MOTION.len()..].iter();
+        let joints = joints.map(|channel| (channel.prefix(), self.slots.all(*channel)));
+        let groups = self.slots.groups().into_iter();
+        let groups = groups.map(|(name, first, axes)| (name, first..first + axes.len()));
+        let feet = [("foot", self.slots.feet())];
+        let all = joints.chain(groups).chain(feet);
+        all.filter(|(_, slots)| slots.clone().any(|slot| self.has_slot(slot)))
+            .map(|(name, _)| name)
+            .collect()
+    }
+
     /// Whether the log has what belongs at `slot`.
     pub(super) fn has_slot(&self, slot: usize) -> bool {
         self.cell[slot].is_some()
@@ -317,5 +331,15 @@ mod tests {
         let columns = columns(&header, Selection::Everything);
         let feet = columns.slots.feet().map(|slot| columns.has_slot(slot));
         assert_eq!(feet.collect::<Vec<_>>(), [false, true, false, false]);
+        assert_eq!(columns.beyond_motion(), ["foot"]);
+    }
+
+    #[test]
+    fn what_is_no_motion_is_named_in_the_order_of_a_row() {
+        let more = ["q_des/FL_hip", "acc/x", "acc/y", "acc/z", "temp/FL_calf"];
+        let header = [&FL[..], &more].concat();
+        let of = |selection| columns(&header, selection).beyond_motion();
+        assert_eq!(of(Selection::Everything), ["temp", "q_des", "acc"]);
+        assert!(of(Selection::Motion).is_empty());
     }
 }

@@ -226,6 +226,9 @@ pub enum Problem {
     /// The first line is numbers.
     #[error("the log has no header: its first line is numbers")]
     NoHeader,
+    /// The first line is a message's values without their names.
+    #[error("`ros2 topic echo --csv` prints values without their names")]
+    EchoedCsv,
     /// The first line has one column, with other separators in it.
     #[error("the header is separated by `{0}`, not by commas")]
     Separator(char),

@@ -7,13 +7,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
-use super::cdr::joint_state;
+use super::cdr::{JOINT_STATE, joint_state};
 use super::columns::Columns;
 use super::live::LiveMessage;
 use super::row::Row;
-
-/// The definition of `sensor_msgs/msg/JointState`.
-pub(crate) const JOINT_STATE: &str = include_str!("messages/joint_state.msg");
 
 /// The definitions of the types that are read, as ROS 2 writes them: the message's own fields, then those of each message inside. Sources:
 /// unitree_ros2 eea2719, common_interfaces of ROS 2 Humble.

@@ -41,7 +41,6 @@
 //! - `writer`: writing a log
 
 mod admission;
-#[cfg(feature = "mcap")]
 pub(crate) mod cdr;
 mod channel;
 mod checks;
@@ -76,8 +75,6 @@ pub use error::{Column, LogError, Place, Problem, Unit};
 pub use live::{LiveInput, LiveRows};
 #[cfg(feature = "mcap")]
 pub use live::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
-#[cfg(feature = "mcap")]
-pub(crate) use messages::JOINT_STATE;
 #[cfg(feature = "mcap")]
 pub use messages::MessageWriter;
 pub use provenance::{set_command_line, sha256};

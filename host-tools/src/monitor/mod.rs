@@ -3,6 +3,7 @@
 //! Files beside:
 //!
 //! - `error`: why messages end
+//! - `foxglove`: the view for viewers: a WebSocket server of Foxglove's protocol
 //! - `feed`: where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked
 //! - `journal`: all that came from a device, in a file
 //! - `live`: rows of a live source as steps of motor buses, for the device in this process
@@ -11,6 +12,7 @@
 
 mod error;
 mod feed;
+pub mod foxglove;
 mod journal;
 mod live;
 mod residual;

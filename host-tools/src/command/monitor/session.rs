@@ -9,6 +9,7 @@ use crate::monitor::{Ask, Entry, Feed, JournalWriter, Told, View};
 use crate::output::WriteError;
 use proprio_core::wire::Action;
 
+use super::foxglove::Viewers;
 use crate::command::Error;
 
 /// How long one look takes at most, so that keys are heard.
@@ -19,6 +20,8 @@ pub(super) struct Session {
     pub(super) feed: Feed,
     pub(super) journal: Option<(JournalWriter, PathBuf)>,
     pub(super) view: View,
+    /// Who else sees the view.
+    pub(super) viewers: Option<Viewers>,
     /// Device time at which to end, µs.
     pub(super) limit_us: Option<u64>,
     /// Nothing more comes.
@@ -39,6 +42,9 @@ impl Session {
             if self.ended || patience.is_zero() {
                 break;
             }
+        }
+        if let Some(viewers) = &mut self.viewers {
+            viewers.look(&self.view, self.ended);
         }
         self.kept(|(journal, _)| journal.flush())
     }

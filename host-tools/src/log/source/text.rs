@@ -141,6 +141,9 @@ fn separator(header: &[u8]) -> u8 {
 /// A header has names, and separators between them.
 fn check_header(names: &[String]) -> Result<(), Problem> {
     let is_number = |name: &String| fast_float2::parse::<f64, _>(name.replace(',', ".")).is_ok();
+    if is_echoed(names) {
+        return Err(Problem::EchoedCsv);
+    }
     if names.iter().all(is_number) {
         return Err(Problem::NoHeader);
     }
@@ -150,6 +153,19 @@ fn check_header(names: &[String]) -> Result<(), Problem> {
         return Err(Problem::Separator(separator));
     }
     Ok(())
+}
+
+/// Whether the first line is a message as `ros2 topic echo --csv` prints it: a stamp's seconds and nanoseconds, the frame's name, and the values of
+/// all other fields; or a LowState, which begins with the robot's mark (unitree_sdk2, `head`: FE EF).
+fn is_echoed(names: &[String]) -> bool {
+    let [first, second, third, .., last] = names else {
+        return false;
+    };
+    let is_value = |name: &String| name.parse::<f64>().is_ok();
+    let nanoseconds = second.parse::<u32>().is_ok_and(|ns| ns < 1_000_000_000);
+    let is_stamp = first.parse::<i32>().is_ok() && nanoseconds && !is_value(third);
+    let is_low_state = (first.as_str(), second.as_str()) == ("254", "239") && is_value(third);
+    (is_stamp || is_low_state) && is_value(last)
 }
 
 impl Text {

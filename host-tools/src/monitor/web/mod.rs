@@ -33,20 +33,45 @@ const SILENCE: Duration = Duration::from_secs(10);
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Why there is no page.
+/// Why nothing is served.
 #[derive(Debug, thiserror::Error)]
 pub enum WebError {
     /// Another program serves there.
-    #[error("{0}: another program uses this port")]
-    Taken(SocketAddr),
+    #[error("{address}: another program uses this port")]
+    Taken {
+        /// The option that asks for it.
+        option: &'static str,
+        /// Where it was to be.
+        address: SocketAddr,
+    },
     /// The operating system refuses.
     #[error("{address}: {source}")]
     Bind {
-        /// Where the page was to be.
+        /// The option that asks for it.
+        option: &'static str,
+        /// Where it was to be.
         address: SocketAddr,
         /// What the operating system says.
         source: io::Error,
     },
+}
+
+/// Listens at `address`, as `option` asks; where that is, if it asks for any free port.
+pub(super) fn listen(
+    address: SocketAddr,
+    option: &'static str,
+) -> Result<(TcpListener, SocketAddr), WebError> {
+    let failed = |source: io::Error| match source.kind() {
+        ErrorKind::AddrInUse => WebError::Taken { option, address },
+        _ => WebError::Bind {
+            option,
+            address,
+            source,
+        },
+    };
+    let listener = TcpListener::bind(address).map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+    Ok((listener, address))
 }
 
 /// Serves the page.
@@ -70,12 +95,7 @@ impl Server {
     /// # Errors
     /// [`WebError`].
     pub fn start(address: SocketAddr) -> Result<Self, WebError> {
-        let failed = |source: io::Error| match source.kind() {
-            ErrorKind::AddrInUse => WebError::Taken(address),
-            _ => WebError::Bind { address, source },
-        };
-        let listener = TcpListener::bind(address).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
+        let (listener, address) = listen(address, "--web")?;
         let told = Arc::new(Told::default());
         let (wished, wishes) = channel();
         let shared = told.clone();
