@@ -99,6 +99,8 @@ struct Line<R> {
     /// Samples that have no zero any more.
     unplaced: u64,
     broken: bool,
+    /// When the last cycle came, whether its joints have zeros or not, µs.
+    heard_us: Option<u64>,
     /// The last two samples.
     last: [Option<Measured>; 2],
 }
@@ -139,6 +141,7 @@ impl<R: Read> Line<R> {
             cycles: 0,
             unplaced: 0,
             broken: false,
+            heard_us: None,
             last: [None; 2],
             capture,
         })
@@ -187,48 +190,48 @@ impl<R: Read> Line<R> {
         }
     }
 
-    /// The next cycle whose joints have zeros, in place of the first of the last two; false at the end.
+    /// The next cycle, in place of the first of the last two; where its joints have no zeros there are none. False at the end.
     fn advance(&mut self) -> Result<bool, Fault> {
-        loop {
-            let Some(cycle) = self.cycle()? else {
-                return Ok(false);
-            };
-            if self.cycles == 0 {
-                self.place(&cycle);
-                self.listener.take_breaks();
-            }
-            self.cycles += 1;
-            // Where positions are angles a jump is a robot's affair, as in any log.
-            let sample = self.alignment.sample(&cycle, APART_US);
-            let broken = self.listener.is_broken() || self.alignment.take_silence();
-            self.broken |= broken && self.told != Told::Angles;
-            if self.broken {
-                self.unplaced += 1;
-                continue;
-            }
-            let motors = places(<Go2 as Robot<JOINTS_PER_LEG>>::MOTOR_IDS);
-            let mut cells = [0.0; CELLS];
-            for joint in 0..JOINTS_PER_LEG {
-                let temperature = cycle[motors[joint]].reply.temperature;
-                let signals = [
-                    sample.q[joint],
-                    sample.dq[joint],
-                    sample.tau[joint],
-                    f64::from(temperature),
-                ];
-                for (n, signal) in signals.into_iter().enumerate() {
-                    cells[n * JOINTS_PER_LEG + joint] = signal;
-                }
-            }
-            let time_us = sample.time_us;
-            self.last = [self.last[1], Some(Measured { time_us, cells })];
+        let Some(cycle) = self.cycle()? else {
+            return Ok(false);
+        };
+        if self.cycles == 0 {
+            self.place(&cycle);
+            self.listener.take_breaks();
+        }
+        self.cycles += 1;
+        // Where positions are angles a jump is a robot's affair, as in any log.
+        let sample = self.alignment.sample(&cycle, APART_US);
+        let time_us = sample.time_us;
+        self.heard_us = Some(time_us);
+        let broken = self.listener.is_broken() || self.alignment.take_silence();
+        self.broken |= broken && self.told != Told::Angles;
+        if self.broken {
+            self.unplaced += 1;
+            self.last = [None; 2];
             return Ok(true);
         }
+        let motors = places(<Go2 as Robot<JOINTS_PER_LEG>>::MOTOR_IDS);
+        let mut cells = [0.0; CELLS];
+        for joint in 0..JOINTS_PER_LEG {
+            let temperature = cycle[motors[joint]].reply.temperature;
+            let signals = [
+                sample.q[joint],
+                sample.dq[joint],
+                sample.tau[joint],
+                f64::from(temperature),
+            ];
+            for (n, signal) in signals.into_iter().enumerate() {
+                cells[n * JOINTS_PER_LEG + joint] = signal;
+            }
+        }
+        self.last = [self.last[1], Some(Measured { time_us, cells })];
+        Ok(true)
     }
 
     /// Reads on to the first cycle that is no earlier than `time_us`; false at the end.
     fn reach(&mut self, time_us: u64) -> Result<bool, Fault> {
-        while self.last[1].is_none_or(|last| last.time_us < time_us) {
+        while self.heard_us.is_none_or(|heard| heard < time_us) {
             if !self.advance()? {
                 return Ok(false);
             }
@@ -277,16 +280,20 @@ impl<R: Read> Buses<R> {
             return Ok(None);
         };
         'cycles: while first.advance()? {
+            // Also where the first has no zeros any more: an adapter that nobody reads waits, and then loses what comes.
+            let heard_us = first.heard_us.unwrap_or_default();
+            for line in &mut *others {
+                if !line.reach(heard_us)? {
+                    return Ok(None);
+                }
+            }
             let Some(Measured { time_us, cells }) = first.last[1] else {
                 continue;
             };
             self.cells[0] = time_us as f64 * 1e-6;
             self.cells[1..=CELLS].copy_from_slice(&cells);
             let places = self.cells[1 + CELLS..].chunks_exact_mut(CELLS);
-            for (line, place) in others.iter_mut().zip(places) {
-                if !line.reach(time_us)? {
-                    return Ok(None);
-                }
+            for (line, place) in others.iter().zip(places) {
                 let Some(cells) = line.at(time_us) else {
                     self.alone += u64::from(self.begun);
                     continue 'cycles;
@@ -351,6 +358,8 @@ mod tests {
     use crate::log::{LiveInput, LiveRows, LogReader, Selection};
     use crate::model::Robot as Model;
     use proprio_core::window::Sample;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     const BAUD: u32 = 4_000_000;
     /// When a leg's first cycle is, µs.
@@ -479,9 +488,8 @@ mod tests {
         );
     }
 
-    #[test]
-    fn a_motor_that_was_switched_off_has_no_zero_any_more() {
-        let leg = Leg::FR;
+    /// A robot's bus of so many cycles of 2 ms whose motors are switched off for 0.2 s from the 400th on: their zeros are none then.
+    fn switched_off(leg: Leg) -> Vec<u8> {
         let robot = crate::device::Robot::new(&[leg], Vec::new(), 3).after(PowerUp::random(4));
         let facts = Facts {
             leg: Some(leg),
@@ -495,7 +503,12 @@ mod tests {
             writer.record(step.time_us, bytes).unwrap();
             assert!(!bytes.is_empty(), "{n}");
         }
-        let mut live = follow(vec![writer.finish().unwrap()]);
+        writer.finish().unwrap()
+    }
+
+    #[test]
+    fn a_motor_that_was_switched_off_has_no_zero_any_more() {
+        let mut live = follow(vec![switched_off(Leg::FR)]);
         let count = rows(&mut live).len() as u64;
         let warnings = live.warnings();
         assert!((390..=400).contains(&count), "{count}");
@@ -503,5 +516,43 @@ mod tests {
             matches!(warnings[..], [Warning::Unplaced { leg: Leg::FR, count, .. }] if count >= 490),
             "{warnings:?}"
         );
+    }
+
+    /// Bytes, of which it is known how many nobody has read.
+    struct Unread(std::io::Cursor<Vec<u8>>, Arc<AtomicUsize>);
+
+    impl Read for Unread {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            let count = self.0.read(buffer)?;
+            self.1.fetch_sub(count, Ordering::Relaxed);
+            Ok(count)
+        }
+    }
+
+    /// Where one leg has no zeros any more there are no rows, and the other adapters' bytes are read on: nobody waits to hand them over.
+    #[test]
+    fn a_bus_without_zeros_does_not_keep_the_others_waiting() {
+        let legs = [Leg::RL, Leg::RR];
+        for which in 0..=legs.len() {
+            let mut captures: Vec<Vec<u8>> =
+                legs.map(|leg| capture(leg, 1_000, 0, |_| false)).into();
+            captures.insert(which, switched_off(Leg::FR));
+            let left: Vec<_> = (captures.iter())
+                .map(|bytes| Arc::new(AtomicUsize::new(bytes.len())))
+                .collect();
+            let readers = captures.into_iter().zip(&left).map(|(bytes, left)| {
+                let reader: Box<dyn Read> =
+                    Box::new(Unread(std::io::Cursor::new(bytes), left.clone()));
+                reader
+            });
+            let input = LiveInput::Buses(readers.collect());
+            let mut live = LiveRows::follow(Path::new("buses"), input, &Model::go2()).unwrap();
+            let count = rows(&mut live).len();
+            assert!((380..=400).contains(&count), "{which}: {count}");
+            for left in left {
+                let left = left.load(Ordering::Relaxed);
+                assert!(left < 20_000, "{which}: {left} bytes");
+            }
+        }
     }
 }
