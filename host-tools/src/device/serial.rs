@@ -71,7 +71,7 @@ fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
         })
 }
 
-/// A serial port as [`open`] opens it, to listen to: nothing can be sent through what is given.
+/// Opens a serial port to listen to: nothing can be sent through what is given.
 ///
 /// # Errors
 /// [`DeviceError::Port`].
