@@ -142,10 +142,11 @@ impl Diagnosis {
         }
         match (self.verdict, names.is_empty()) {
             (_, false) => format!("Missing: {}. ", names.join(", ")),
+            (Verdict::Missing, true) => "Missing: an effect outside the catalogue. ".to_owned(),
+            (Verdict::Complete, true) => "Missing: nothing. ".to_owned(),
             (Verdict::Insufficient, true) => {
                 "Too little motion to say what is missing. ".to_owned()
             }
-            (_, true) => "Missing: nothing. ".to_owned(),
         }
     }
 
