@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::text::{NO_STRUCTURE, named};
+use super::text::{NO_STRUCTURE, WORTH_A_DIAGNOSIS, named};
 use super::{Comparison, black_box};
 use crate::summary::{Summary, torque, typed};
 
@@ -10,8 +10,6 @@ use crate::summary::{Summary, torque, typed};
 const POINTS: usize = 3;
 /// A pattern with less of the square error is no point, %.
 const LEAST_PERCENT: f64 = 1.0;
-/// Share of the square error above the noise from which on a model is worth a diagnosis, %.
-const WORTH_A_DIAGNOSIS: f64 = 20.0;
 
 impl Comparison {
     /// The first screen: how large the error is, where it lives, and what to ask next.

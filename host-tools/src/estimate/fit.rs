@@ -34,7 +34,7 @@ const MOST_PASSES: usize = 8;
 /// Passes after which shapes stay as they are: each scan sees what the last one left.
 const SHAPE_PASSES: usize = 3;
 /// A parameter that moves by less than this many standard deviations stays.
-const STEADY: f64 = 0.1;
+pub(crate) const STEADY: f64 = 0.1;
 /// A correlation of neighbours that differs by less is the same.
 pub(crate) const SAME_CORRELATION: f64 = 0.03;
 /// Squared distance from the CAD, in units of its uncertainty, beyond which a body is not the one that is stated: 99 % of all bodies with the

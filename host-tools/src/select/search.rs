@@ -23,13 +23,12 @@ use super::{backward, headline, restart};
 use proprio_core::effect::EffectKind;
 
 use crate::equation::values::is_shared;
+use crate::estimate::fit::STEADY;
 use crate::model::BASE;
 
 /// Standard deviations within which a value that all limbs share stays between steps: one takes half a unit of the logarithm of the likelihood, and
 /// a step is worth several. Moved, it is fitted anew in all limbs, and all of them are screened anew.
 const BETWEEN_STEPS: f64 = 1.0;
-/// The same of the model at the end: a fit's own.
-const AT_END: f64 = 0.1;
 
 /// What a search has found.
 pub(crate) struct Found<S: Source> {
@@ -448,7 +447,7 @@ impl<S: Source> Search<S> {
     }
 
     fn finish(mut self) -> Found<S> {
-        self.model = self.source.settled(self.model, AT_END);
+        self.model = self.source.settled(self.model, STEADY);
         if let Some(last) = self.steps.last_mut() {
             last.errors.clone_from(self.model.errors());
         }

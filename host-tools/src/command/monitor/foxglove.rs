@@ -1,19 +1,16 @@
 //! What viewers are sent of a session.
 
 use std::net::SocketAddr;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::log::cdr;
 use crate::monitor::View;
 use crate::monitor::foxglove::{Channel, Server, now_ns};
-use crate::monitor::web::WebError;
+use crate::monitor::web::{PERIOD, WebError};
 use proprio_core::go2::{JointId, Leg};
 
 use super::lines::Report;
 use crate::command::result::result;
-
-/// Time between two states that are sent.
-const PERIOD: Duration = Duration::from_millis(250);
 
 /// Viewers, and what they were sent last.
 pub(super) struct Viewers {

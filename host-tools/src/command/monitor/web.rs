@@ -1,17 +1,14 @@
 //! The page and what is asked in it.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::monitor::Ask;
-use crate::monitor::web::{Server, State, Wish};
+use crate::monitor::web::{PERIOD, Server, State, Wish};
 use crate::output::{asked_to_finish, finish_on_interrupt};
 use proprio_core::wire::Action;
 
 use super::session::Session;
 use crate::command::Error;
-
-/// Time between two states that are told.
-const PERIOD: Duration = Duration::from_millis(250);
 
 /// Serves until the user has seen enough, or the time asked for is over.
 pub(super) fn watch(session: &mut Session, server: &Server, source: &str) -> Result<(), Error> {

@@ -22,6 +22,8 @@ pub use request::Wish;
 use request::{Request, Target};
 pub use state::State;
 
+/// Time between two states that pages and viewers are told.
+pub const PERIOD: Duration = Duration::from_millis(250);
 /// Browsers, and their connections, served at once.
 const CONNECTIONS: usize = 32;
 /// How long a browser may take to ask, or to take what is sent.

@@ -274,37 +274,6 @@ fn a_change_at_one_moment_is_found() {
     }
 }
 
-/// In a chirp, where time is speed, the moment of a change is found and nothing is told twice or in sizes that only rounding has.
-#[test]
-fn a_change_in_a_chirp_is_of_its_own_size() {
-    for seed in 1..6 {
-        let mut joint = Joint::new(1000, seed, WHITE);
-        let changed: Vec<f64> = (joint.t.iter().zip(&joint.dq))
-            .map(|(t, dq)| 0.3 * dq.signum() * (f64::from(u8::from(*t > 10.0)) - 0.5))
-            .collect();
-        for (k, value) in changed.into_iter().enumerate() {
-            joint.residual[k] += value;
-            joint.tau[k] += value;
-        }
-        let criticism = joint.criticise();
-        let mut told: Vec<&str> = Vec::new();
-        let mut moments = Vec::new();
-        for pattern in &criticism.patterns {
-            assert!(!told.contains(&&*pattern.sentence), "{criticism}");
-            told.push(&pattern.sentence);
-            let size = pattern.size.map_or(0.0, |[size, _]| size.abs());
-            assert!(size < 3.0, "{size}: {criticism}");
-            if let Some(Shape::Change { at, .. }) = pattern.shape {
-                moments.push(at);
-            }
-        }
-        assert!(
-            moments.iter().any(|at| (at - 10.0).abs() < 1.0),
-            "{moments:?}: {criticism}"
-        );
-    }
-}
-
 /// A short log, whose single bins have few batches: all of them together show what each leaves open.
 #[test]
 fn a_curved_pattern_of_a_short_log_is_found() {
