@@ -49,7 +49,7 @@ pub use crate::detect::ladder::Yardsticks;
 use crate::detect::ladder::{self, JointLadder};
 use crate::detect::residual::{self, Criticism, Input, Scores};
 use crate::equation::folds::LEAST_HELD_OUT;
-use crate::equation::values::is_shared;
+use crate::equation::values::{Values, is_shared};
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
@@ -248,16 +248,25 @@ impl Judged<'_> {
         for (series, ladder) in series.iter_mut().zip(&self.ladder) {
             series.noise = ladder.noise;
         }
-        let predicted: Vec<&[f64]> = (self.predictions.iter())
-            .map(|of| of.torque.as_slice())
-            .collect();
+        // Where a model fails is told without what its smooth motion lacks; how large the error is, with it.
+        let followed = self.followed();
+        let predicted: Vec<&[f64]> = followed.iter().map(Vec::as_slice).collect();
         let black_box = BlackBox::of(self.data, &predicted);
         let limbs = self.predictions.iter().zip(self.data).zip(feet);
         let effects =
             limbs.flat_map(|((of, data), foot)| values::of(data, of.fit.as_ref(), foot.as_ref()));
         let effects: Vec<EffectValue> = values::once(effects);
         let (contact, words) = feet::told(feet, recording, model);
-        let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+        let judged = series
+            .iter()
+            .zip(all_series(self.data, predicted.into_iter()));
+        let judged: Vec<_> = judged
+            .map(|(series, followed)| JointSeries {
+                noise: series.noise,
+                ..followed
+            })
+            .collect();
+        let views: Vec<_> = judged.iter().map(JointSeries::view).collect();
         let mut criticism = residual::criticise(&views);
         feet::restrain(&mut criticism, &contact);
         let joints = series.iter().zip(&criticism).zip(&self.ladder).enumerate();
@@ -294,6 +303,16 @@ impl Judged<'_> {
             series,
             baselines: self.baselines.named(),
         }
+    }
+
+    /// What each limb's model predicts, with what it lacks of the motion put back, N m.
+    fn followed(&self) -> Vec<Vec<f64>> {
+        let limbs: Vec<_> = self.predictions.iter().zip(self.data).collect();
+        side_by_side(&limbs, |(of, data)| {
+            let given = || Values::given(data.model, data.limb);
+            let values = of.fit.as_ref().map_or_else(given, |fit| fit.values.clone());
+            data.with_unfollowed(&values, of.torque.clone())
+        })
     }
 }
 

@@ -13,6 +13,7 @@ pub mod oracle;
 pub mod prior_reach;
 pub mod recorder;
 pub mod report_example;
+pub mod rows;
 pub mod schema;
 pub mod walks;
 pub mod zeros;

@@ -5,9 +5,7 @@ use std::path::Path;
 
 use proprio_host::model::{Model, ModelEffect};
 use proprio_tests::command::{done, json, refusal, simulated, steps};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use proprio_tests::rows::Rows;
 use tempfile::TempDir;
 
 /// A robot whose joints no log has.
@@ -292,24 +290,9 @@ fn noise_of_encoders_is_no_effect() {
             "--legs FR --typical --inertia-error 0.05 --seed {seed} --velocity-noise 0.03"
         ));
         let path = folder.path().join("log.csv");
-        let text = fs::read_to_string(&path).unwrap();
-        let (header, rows) = text.split_once('\n').unwrap();
-        let positions = header.split(',').map(|name| name.starts_with("q/"));
-        let positions: Vec<bool> = positions.collect();
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut noisy = |(value, is_position): (&str, &bool)| match is_position {
-            true => {
-                let noise: f64 = StandardNormal.sample(&mut random);
-                (value.parse::<f64>().unwrap() + 2e-4 * noise).to_string()
-            }
-            false => value.to_owned(),
-        };
-        let mut lines = vec![header.to_owned()];
-        for row in rows.lines() {
-            let row: Vec<String> = row.split(',').zip(&positions).map(&mut noisy).collect();
-            lines.push(row.join(","));
-        }
-        fs::write(&path, lines.join("\n") + "\n").unwrap();
+        let mut log = Rows::read(&path);
+        log.add_noise("q", 2e-4, seed);
+        log.write(&path);
         let add = "add viscous coulomb armature bias -m model.toml";
         done(folder.path(), &add.split(' ').collect::<Vec<_>>());
         let diagnose = ["diagnose", "log.csv", "-m", "model.toml", "--json"];

@@ -1,11 +1,10 @@
 //! What black boxes say of a model, in words.
 
 use crate::detect::black_box::{BlackBox, Inputs};
+use crate::select::criteria::STRUCTURE;
 use crate::summary::torque;
 use crate::table::{Table, with_std};
 
-/// A box that takes away less than this share of the squared error takes away nothing.
-const LEAST_TAKEN: f64 = 0.05;
 /// What takes this share of all that can be taken away is worth a word.
 const WORTH_SAYING: f64 = 0.2;
 
@@ -37,7 +36,7 @@ pub(super) fn sentence(boxes: &BlackBox) -> String {
     });
     let square = boxes.rms.powi(2);
     let all = square - past.powi(2);
-    if all < LEAST_TAKEN * square {
+    if all < STRUCTURE * square {
         return format!(
             "A non-parametric bound from the limb's whole motion explains no more than {:.0} % of the squared error: the residual is noise, or does \
              not follow the motion",

@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use super::{Comparison, JointComparison, RankedEpisode, black_box};
 use crate::detect::residual::Criticism;
 use crate::robust;
+use crate::select::criteria::STRUCTURE;
 use crate::summary::torque;
 use crate::table::{Table, with_std};
 
@@ -13,7 +14,7 @@ const TOLD: usize = 5;
 /// Of a residual in which no test finds anything.
 pub(super) const NO_STRUCTURE: &str = "The residual has no structure above the noise: it follows no position, velocity, acceleration, load, temperature or time";
 /// Share of the square error above the noise from which on a model is worth a diagnosis, %.
-pub(super) const WORTH_A_DIAGNOSIS: f64 = 20.0;
+pub(super) const WORTH_A_DIAGNOSIS: f64 = 100.0 * STRUCTURE;
 /// A joint of whose squared error patterns explain less is not explained.
 const EXPLAINED: f64 = 0.5;
 /// A joint with so much of all joints' squared error is worth a sentence though no pattern explains it, %.

@@ -281,7 +281,7 @@ impl Diagnosed<'_> {
         let fits: Vec<_> = self.found.end.fits.iter().enumerate().collect();
         let left = side_by_side(&fits, |(limb, fit)| {
             let below = fit.below_limits();
-            let predicted = fit.with_unfollowed(&below, fit.predicted_held_out()?);
+            let predicted = below.with_unfollowed(&fit.values, fit.predicted_held_out()?);
             let taken = |joint: usize| {
                 let taken = Explained::of(&below, &predicted, joint)?;
                 Some((self.name(*limb, joint), text::black_box(&taken)?))

@@ -231,6 +231,26 @@ impl<'a> LimbData<'a> {
         self.with_gains(gains).predicted(&values, &|_| true)
     }
 
+    /// What a model of these values predicts, with what it lacks of the motion put back: of each joint, so much of what smoothing has regained
+    /// ([`crate::equation::motion::Motion::unfollowed`]) as leaves least. What both have in common is motion that the channels do not tell, and no effect.
+    pub(crate) fn with_unfollowed(&self, values: &Values, mut predicted: Vec<f64>) -> Vec<f64> {
+        let n = self.joints();
+        for joint in 0..n {
+            let unfollowed = self.motion.unfollowed(&self.body, values, joint);
+            let counting = || (0..unfollowed.len()).filter(|&w| self.counts(w, joint));
+            let left = |w: usize| self.torque[w * n + joint] - predicted[w * n + joint];
+            let product: f64 = counting().map(|w| unfollowed[w] * left(w)).sum();
+            let square: f64 = counting().map(|w| unfollowed[w].powi(2)).sum();
+            // Regained of a motion, that motion is lacking, and up to the smoother's cutoff no more of it than was regained: what is to the other side
+            // or larger is something else.
+            let share = (product / square.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            for (w, unfollowed) in unfollowed.iter().enumerate() {
+                predicted[w * n + joint] += share * unfollowed;
+            }
+        }
+        predicted
+    }
+
     /// Of each joint the effects of a model that add to its torque.
     pub(crate) fn contributions(&self, values: &Values) -> Vec<Vec<Contribution>> {
         contributions(&predict::columns(values, &self.subtree_end), values)

@@ -133,25 +133,6 @@ impl LimbFit<'_> {
         data.clone().leaving_out(&left_out)
     }
 
-    /// What is predicted with what it lacks of the motion put back: of each joint, so much of what smoothing has regained
-    /// ([`crate::equation::motion::Motion::unfollowed`]) as leaves least. What both have in common is motion that the channels do not tell, and no effect.
-    pub(crate) fn with_unfollowed(&self, data: &LimbData, mut predicted: Vec<f64>) -> Vec<f64> {
-        let n = data.joints();
-        for joint in 0..n {
-            let unfollowed = data.motion.unfollowed(&data.body, &self.values, joint);
-            let counting = || (0..unfollowed.len()).filter(|&w| data.counts(w, joint));
-            let left = |w: usize| data.torque[w * n + joint] - predicted[w * n + joint];
-            let product: f64 = counting().map(|w| unfollowed[w] * left(w)).sum();
-            let square: f64 = counting().map(|w| unfollowed[w].powi(2)).sum();
-            // Regained of a motion, that motion is lacking: to the other side it is something else.
-            let share = (product / square.max(f64::MIN_POSITIVE)).max(0.0);
-            for (w, unfollowed) in unfollowed.iter().enumerate() {
-                predicted[w * n + joint] += share * unfollowed;
-            }
-        }
-        predicted
-    }
-
     /// By how many times its noise more a joint's residual may be large in each of the windows of `data` that count, in their order: for friction that may
     /// hold the joint, and for motion that its channels do not tell.
     pub(crate) fn doubt(&self, data: &LimbData, joint: usize) -> Vec<f64> {
