@@ -9,8 +9,9 @@ use proprio_core::spatial::Transform;
 use proprio_host::detect::mismatch::{Mismatch, MismatchKind, mismatches};
 use proprio_host::model::{Limb, Model, Robot};
 use proprio_host::recording::Recording;
-use proprio_tests::command::{done, folder, proprio, stderr};
+use proprio_tests::command::{done, folder, proprio, simulated, stderr};
 use proprio_tests::recorder::Recorder;
+use proprio_tests::rows::Rows;
 
 /// Waist, shoulder, elbow and a wrist that rolls.
 const ARM: &str = r#"<robot name="arm">
@@ -457,6 +458,65 @@ fn a_body_that_is_not_the_cads_is_named() {
         for said in [identified, diagnosed] {
             assert_eq!(said.contains("the URDF says"), is_other, "{times}: {said}");
             assert!(!is_other || said.contains("fore: "), "{said}");
+        }
+    }
+}
+
+/// Two of a Go2's twelve joints whose columns are exchanged or counted the other way hardly show in what all joints leave: they are named by what they
+/// leave beside the others. What a leg hides is no other reading.
+#[test]
+fn one_joint_of_twelve_is_read_otherwise_too() {
+    type Change = fn(&mut Rows);
+    const CHANNELS: [&str; 3] = ["q", "dq", "tau"];
+    fn exchange(log: &mut Rows) {
+        for channel in CHANNELS {
+            let [a, b] = ["FR_thigh", "FL_thigh"].map(|j| log.place(&format!("{channel}/{j}")));
+            log.rows.iter_mut().for_each(|row| row.swap(a, b));
+        }
+    }
+    fn turn(log: &mut Rows, joint: &str) {
+        for channel in CHANNELS {
+            let place = log.place(&format!("{channel}/{joint}"));
+            log.rows.iter_mut().for_each(|row| row[place] = -row[place]);
+        }
+    }
+    let cases: [(u64, &str, Change, &str); 6] = [
+        (7, "", exchange, "FR_thigh and FL_thigh exchanged"),
+        (8, "", exchange, "FR_thigh and FL_thigh exchanged"),
+        (
+            7,
+            "",
+            |log| turn(log, "FL_thigh"),
+            "FL_thigh counts the other way",
+        ),
+        (
+            8,
+            "",
+            |log| turn(log, "RL_hip"),
+            "RL_hip counts the other way",
+        ),
+        (1, "--hide spring:RL_hip=4", |_| (), ""),
+        (2, "--hide payload:FR_calf=0.8", |_| (), ""),
+    ];
+    for (seed, hidden, change, reading) in cases {
+        let folder = simulated(&format!(
+            "--typical --inertia-error 0.03 --seed {seed} {hidden}"
+        ));
+        let path = folder.path().join("log.csv");
+        let mut log = Rows::read(&path);
+        change(&mut log);
+        log.write(&path);
+        let run = proprio(folder.path(), &["diagnose", "log.csv"]);
+        let said = stderr(&run);
+        match reading {
+            "" => assert!(
+                !said.contains("other way") && !said.contains("exchanged"),
+                "{said}"
+            ),
+            reading => assert!(
+                run.status.code() != Some(0) && said.contains(reading),
+                "{seed} {reading}: {said}"
+            ),
         }
     }
 }

@@ -20,6 +20,7 @@ use crate::model::{Body, Limb, Model, other_unit};
 use crate::parallel::side_by_side;
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
+use columns::Columns;
 pub use kind::{Mismatch, MismatchKind};
 use reading::{JointReading, Reading, shifts};
 
@@ -113,7 +114,17 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         let parts = [dynamics::incomplete(&as_is), dynamics::orientation(&as_is)];
         let [incomplete, orientation] = parts;
         let gravity = plainest([unit, incomplete, orientation]);
-        let found = sign(&as_is).into_iter().chain(gravity);
+        let sign = sign(&as_is);
+        let columns = Columns {
+            recording,
+            model,
+            fits: true,
+        };
+        let places = match sign.is_some() || gravity.is_some() {
+            true => None,
+            false => plainest([columns.counted_the_other_way(), columns.exchanged()]),
+        };
+        let found = sign.into_iter().chain(gravity).chain(places);
         return (found.chain(late(&as_is, now)))
             .map(|(_, reading)| reading)
             .collect();
@@ -130,11 +141,12 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         dynamics::units(&as_is),
     ]);
     if best.as_ref().is_none_or(|(left, _)| *left > EXCELLENT) {
-        best = plainest([
-            best,
-            columns::counted_the_other_way(recording, model),
-            columns::exchanged(recording, model),
-        ]);
+        let columns = Columns {
+            recording,
+            model,
+            fits: false,
+        };
+        best = plainest([best, columns.counted_the_other_way(), columns.exchanged()]);
     }
     match best {
         Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => vec![reading],

@@ -130,8 +130,9 @@ impl fmt::Display for MismatchKind {
             ),
             Self::OtherWay(joints) => write!(
                 f,
-                "{} count the other way, position, velocity and torque: multiply the three columns by -1, or turn the axis in the URDF",
-                joints.join(", ")
+                "{} {} the other way, position, velocity and torque: multiply the three columns by -1, or turn the axis in the URDF",
+                joints.join(", "),
+                if joints.len() == 1 { "counts" } else { "count" }
             ),
             Self::Exchanged(pairs) => {
                 let each: Vec<String> = pairs.iter().map(|[a, b]| format!("{a} and {b}")).collect();
