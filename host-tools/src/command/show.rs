@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use crate::model::{BASE, Model, Source};
-use crate::parameter;
 use crate::summary::{Summary, joints_in_words, typed};
 use crate::table::Table;
 use clap::Args;
@@ -111,7 +110,7 @@ impl Report {
             },
             value: e.estimate().map(|estimate| estimate.value),
             std: e.estimate().and_then(|estimate| estimate.std),
-            unit: parameter::unit(e.effect),
+            unit: model.unit(e.effect, e.joint, 0),
         });
         let bodies = [BASE].into_iter().chain(0..robot.bodies().len());
         let bodies = bodies.filter(|body| model.is_identified(*body));

@@ -4,10 +4,11 @@ use std::fmt::{self, Write};
 
 use super::{Comparison, JointComparison, RankedEpisode, black_box};
 use crate::detect::residual::Criticism;
+use crate::parameter::told;
 use crate::robust;
 use crate::select::criteria::STRUCTURE;
 use crate::summary::torque;
-use crate::table::{Table, with_std};
+use crate::table::Table;
 
 /// Patterns and episodes told unless all are asked for.
 const TOLD: usize = 5;
@@ -107,11 +108,11 @@ impl Comparison {
         };
         for effect in self.effects.iter().filter(|effect| is_added(&effect.name)) {
             let Some(value) = effect.value else { continue };
-            let value = match effect.std {
-                Some(std) => with_std(value, std),
-                None => format!("{value:.4}"),
+            let [value, unit] = match effect.std {
+                Some(std) => told(value, std, effect.unit),
+                None => [format!("{value:.4}"), effect.unit.to_owned()],
             };
-            writeln!(to, "  {} = {value} {}", effect.name, effect.unit)?;
+            writeln!(to, "  {} = {value} {unit}", effect.name)?;
         }
         Ok(())
     }

@@ -36,7 +36,7 @@ pub(super) fn of(
     let mut values = Vec::new();
     for (place, e) in places(data.model, data.limb) {
         let joint = data.model.joint_name(e.joint);
-        for (n, parameter) in place.0.description().parameters.iter().enumerate() {
+        for n in 0..place.0.description().parameters.len() {
             let (value, std) = match fit {
                 // No fit has a column for it.
                 Some(_) if place.0.description().form == Form::Force => {
@@ -52,7 +52,7 @@ pub(super) fn of(
             let (prior, prior_std) = data.prior(place, n);
             values.push(EffectValue {
                 name: of_effect(place.0, n, joint),
-                unit: parameter.unit,
+                unit: data.model.unit(place.0, e.joint, n),
                 value,
                 std,
                 prior,

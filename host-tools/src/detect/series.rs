@@ -27,6 +27,8 @@ pub struct JointSeries {
     pub temperature: Vec<f64>,
     /// Whether no message of the window was lost: over a longer time between two samples a mean is rough.
     pub whole: Vec<bool>,
+    /// Whether the joint slides: m for rad and N for N m.
+    pub slides: bool,
     /// The log's noise floor, where it is known.
     pub noise: Option<NoiseFloor>,
 }
@@ -43,6 +45,7 @@ impl JointSeries {
             residual: &self.residual,
             temperature: (!self.temperature.is_empty()).then_some(&self.temperature),
             contact: None,
+            slides: self.slides,
             noise: self.noise,
         }
     }
@@ -66,6 +69,7 @@ impl JointSeries {
                 .iter()
                 .filter_map(|&k| self.whole.get(k).copied())
                 .collect(),
+            slides: self.slides,
             noise: self.noise,
         }
     }
@@ -107,6 +111,7 @@ impl JointSeries {
         let series = |(j, joint): (usize, String)| {
             let mut series = Self {
                 joint,
+                slides: data.slides(j),
                 ..Self::default()
             };
             let windows = data.motion.windows.iter().enumerate();

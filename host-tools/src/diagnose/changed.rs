@@ -9,9 +9,8 @@ use serde::Serialize;
 
 use crate::estimate::ParameterEstimate;
 use crate::model::{BASE, Model};
-use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
+use crate::parameter::{INERTIAL_NAMES, name_at, of_effect, told};
 use crate::select::criteria::least_z;
-use crate::table::with_std;
 
 /// The data leave at most this share of the prior's standard deviation of a value that they contradict: beyond it the prior speaks, not the log.
 const LEARNED: f64 = 0.5;
@@ -39,16 +38,17 @@ pub struct ChangedValue {
 impl ChangedValue {
     /// `coulomb:RR_thigh is 0.620 ±0.010 N m, the file says 0.124 ±0.011`
     pub fn words(&self) -> String {
+        let [is, unit] = told(self.is, self.std, self.unit);
         let was = match self.was_std {
-            Some(std) => with_std(self.was, std),
-            None => format!("{:.4}", self.was),
+            Some(std) => told(self.was, std, self.unit)[0].clone(),
+            None => {
+                let [was, _] = told(self.was, 0.0, self.unit);
+                was.split(" ±").next().unwrap_or_default().to_owned()
+            }
         };
         format!(
-            "{} is {} {}, the file says {was} ({:.0} σ)",
-            self.name,
-            with_std(self.is, self.std),
-            self.unit,
-            self.z
+            "{} is {is} {unit}, the file says {was} ({:.0} σ)",
+            self.name, self.z
         )
     }
 }

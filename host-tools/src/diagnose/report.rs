@@ -14,11 +14,13 @@ use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::ladder::Yardsticks;
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
+use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::ParameterEstimate;
 use crate::estimate::limb_data::Squares;
 use crate::identify::model_fit::parameters;
 use crate::parallel::{by_number, side_by_side};
+use crate::parameter;
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -101,12 +103,13 @@ fn measured(
     joint: String,
     [held_out_gain, held_out_gain_error]: [f64; 2],
     values: &[[f64; 2]],
+    unit: &dyn Fn(usize) -> &'static str,
 ) -> CandidateReport {
     let described = effect.description().parameters.iter().zip(values);
-    let parameters: Vec<ParameterReport> = described
-        .map(|(parameter, [value, std])| ParameterReport {
+    let parameters: Vec<ParameterReport> = (described.enumerate())
+        .map(|(n, (parameter, [value, std]))| ParameterReport {
             symbol: parameter.symbol,
-            unit: parameter.unit,
+            unit: unit(n),
             value: *value,
             std: *std,
         })
@@ -133,6 +136,7 @@ pub(super) fn candidate(
     judged: &Judged,
     total: f64,
     names: &dyn Fn(&[Member]) -> Vec<String>,
+    unit: &dyn Fn(usize) -> &'static str,
 ) -> CandidateReport {
     let c = &judged.candidate;
     let (held_out_gain, held_out_gain_error) = c.held_out_gain();
@@ -148,9 +152,10 @@ pub(super) fn candidate(
     let told = judged.parameters.iter().take(1).flatten();
     let parameters = described
         .zip(told)
-        .map(|(p, (value, std))| ParameterReport {
+        .enumerate()
+        .map(|(n, (p, (value, std)))| ParameterReport {
             symbol: p.symbol,
-            unit: p.unit,
+            unit: unit(n),
             value: *value,
             std: *std,
         });
@@ -222,7 +227,8 @@ impl Diagnosed<'_> {
         for (limb, twist) in self.each_twist() {
             wrong.extend(self.lacking(limb, twist).map(|(place, values)| {
                 let joint = self.name(limb, place.1);
-                measured(place.0, joint, twist.told, &values)
+                let unit = |n| self.unit(limb, place, n);
+                measured(place.0, joint, twist.told, &values, &unit)
             }));
         }
         // Faults of the data, and what encoders tell, are told apart; among the candidates they stand after what torques miss beyond chance.
@@ -232,7 +238,17 @@ impl Diagnosed<'_> {
     }
 
     fn candidate(&self, judged: &Judged, total: f64) -> CandidateReport {
-        candidate(judged, total, &|members| self.names(members))
+        let unit = |n| match judged.candidate.members.first() {
+            Some((limb, place)) => self.unit(*limb, *place, n),
+            None => judged.candidate.effect.description().parameters[n].unit,
+        };
+        candidate(judged, total, &|members| self.names(members), &unit)
+    }
+
+    /// The unit of a parameter of an effect at a joint of a limb that is judged.
+    fn unit(&self, limb: usize, place: Place, n: usize) -> &'static str {
+        let data = &self.all[self.judged[limb]];
+        data.model.unit(place.0, data.body_of(place.1), n)
     }
 
     /// The joints' names, each once.
@@ -257,7 +273,13 @@ impl Diagnosed<'_> {
         let told = [gain.held_out_gain, gain.error];
         CandidateReport {
             z: gain.z(),
-            ..measured(VelocityGain::EFFECT, joint, told, &[[gain.value, gain.std]])
+            ..measured(
+                VelocityGain::EFFECT,
+                joint,
+                told,
+                &[[gain.value, gain.std]],
+                &|_| parameter::unit(VelocityGain::EFFECT),
+            )
         }
     }
 

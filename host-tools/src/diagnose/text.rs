@@ -9,6 +9,7 @@ use crate::catalogue;
 use crate::detect::black_box::{Explained, Inputs};
 use crate::detect::twist::{Beside, Twist};
 use crate::identify::OtherBody;
+use crate::parameter::told;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::table::{Table, with_std};
@@ -186,6 +187,7 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
          catalogue looks like it",
         candidate.effect,
         100.0 * candidate.held_out_gain,
+        // As it is: the stiffness of a negative compliance is none.
         with_std(candidate.value, candidate.std),
         candidate.parameters[0].unit,
     )
@@ -282,6 +284,7 @@ impl CandidateReport {
             (true, true) => "significant",
             (true, false) => "",
         };
+        let [value, unit] = told(self.value, self.std, self.parameters[0].unit);
         [
             self.name(),
             format!(
@@ -290,8 +293,8 @@ impl CandidateReport {
                 100.0 * self.held_out_gain_error
             ),
             format!("{:.1}", self.z),
-            with_std(self.value, self.std),
-            self.parameters[0].unit.to_owned(),
+            value,
+            unit,
             note.to_owned(),
         ]
     }

@@ -373,6 +373,11 @@ impl<'a> LimbData<'a> {
         places(self.model, self.limb).any(|(known, _)| known == place)
     }
 
+    /// Whether a joint slides.
+    pub(crate) fn slides(&self, joint: usize) -> bool {
+        self.model.robot().bodies()[self.body_of(joint)].kind == JointKind::Prismatic
+    }
+
     /// Whether the recorded torque can tell an effect at a joint at all.
     pub(crate) fn can_tell(&self, (effect, joint): Place) -> bool {
         let description = effect.description();
@@ -380,12 +385,8 @@ impl<'a> LimbData<'a> {
             Input::Temperature => self.motion.temperature.iter().all(|t| t.is_finite()),
             _ => true,
         };
-        let turns = || {
-            let body = self.limb.bodies.start + joint;
-            self.model.robot().bodies()[body].kind != JointKind::Prismatic
-        };
         senses
-            && (description.form != Form::Motion(Moved::OncePerTurn) || turns())
+            && (description.form != Form::Motion(Moved::OncePerTurn) || !self.slides(joint))
             && !matches!(description.enters, Enters::Positions | Enters::Direction)
             // With a second encoder positions determine what lies between motor and link.
             && !(description.is_compliant() && self.motion.link(joint).is_some())

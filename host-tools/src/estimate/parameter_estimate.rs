@@ -10,7 +10,7 @@ use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, JointId, Leg};
 use serde::Serialize;
 
 use crate::parameter;
-use crate::table::{Table, with_std};
+use crate::table::Table;
 
 /// A parameter and what is known of it.
 #[derive(Debug, Clone, Serialize)]
@@ -194,6 +194,11 @@ impl ParameterEstimate {
         self
     }
 
+    /// Its value with its standard deviation, and its unit, in words.
+    pub(crate) fn told(&self) -> [String; 2] {
+        parameter::told(self.value, self.std, self.unit)
+    }
+
     pub(crate) fn cell(&self) -> String {
         let mark = match self.status {
             _ if self.at_bound => "(b)",
@@ -201,7 +206,7 @@ impl ParameterEstimate {
             Status::Prior => "(p)",
             Status::Unexcited => "(u)",
         };
-        format!("{} {mark}", with_std(self.value, self.std))
+        format!("{} {mark}", self.told()[0])
     }
 }
 
@@ -226,7 +231,17 @@ pub fn effect_table<'a, const N: usize>(
     };
     let [names, units] = [0, 1].map(|n| headings.map(|heading| heading[n].to_owned()));
     line("joint", &|effect| effect.name().to_owned(), names);
-    line("", &|effect| parameter::unit(effect).to_owned(), units);
+    // Of joints that turn, if any does.
+    let unit = |effect: EffectKind| {
+        let estimates = rows.iter().filter_map(|(joint, _)| of(effect, joint));
+        let units = estimates.map(|estimate| estimate.unit);
+        units.max_by_key(|unit| *unit == parameter::unit(effect))
+    };
+    line(
+        "",
+        &|effect| unit(effect).unwrap_or_default().to_owned(),
+        units,
+    );
     for (joint, further) in rows {
         let cell = |effect| of(effect, joint).map_or_else(String::new, ParameterEstimate::cell);
         line(joint, &cell, further.clone());

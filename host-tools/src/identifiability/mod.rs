@@ -146,7 +146,8 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
             unit: entry
                 .effect
                 .map_or(proprio_core::inertia::UNITS[entry.parameter], |effect| {
-                    effect.description().parameters[entry.parameter].unit
+                    let joint = fit.data.body_of(entry.joint);
+                    fit.data.model.unit(effect, joint, entry.parameter)
                 }),
             value: p.dot(&fit.solution.theta),
             std,

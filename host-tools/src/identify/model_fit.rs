@@ -186,7 +186,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
             let estimate = ParameterEstimate {
                 name: fit.data.name(entry),
                 unit: entry.effect.map_or(UNITS[entry.parameter], |effect| {
-                    effect.description().parameters[entry.parameter].unit
+                    fit.data.model.unit(effect, body, entry.parameter)
                 }),
                 value: fit.value(k),
                 std,

@@ -6,7 +6,6 @@ use proprio_core::inertia::{INERTIAL, NAMES, UNITS};
 use proprio_core::tree::Tree;
 
 use super::{Limb, Model};
-use crate::parameter;
 
 /// One entry of a limb's θ.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +90,7 @@ impl Model {
             let estimate = self.effect(effect, joint).and_then(|e| e.estimate());
             ModelParameter {
                 name: format!("{}:{}", effect.name(), self.robot.bodies()[joint].name),
-                unit: parameter::unit(effect),
+                unit: self.unit(effect, joint, 0),
                 value: estimate.map_or(0.0, |e| e.value),
                 std: estimate.and_then(|e| e.std),
             }

@@ -134,6 +134,7 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 
 pub use crate::name::UnknownName;
+use crate::parameter;
 pub use asked::{AskedError, asked_texts};
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
@@ -295,6 +296,15 @@ impl Model {
             .bodies()
             .get(joint)
             .map_or("base", |body| &body.name)
+    }
+
+    /// The unit of parameter `n` of an effect at a joint, by whether it turns or slides.
+    pub(crate) fn unit(&self, effect: EffectKind, joint: usize, n: usize) -> &'static str {
+        let body = self.robot.bodies().get(joint);
+        match body.is_some_and(|body| body.kind == JointKind::Prismatic) {
+            true => parameter::unit_of_slide(effect, n),
+            false => effect.description().parameters[n].unit,
+        }
     }
 
     /// What the model has of a body, [`BASE`] or one that a joint moves.

@@ -100,6 +100,7 @@ mod tests {
             residual: &residual,
             temperature: None,
             contact: None,
+            slides: false,
             noise: None,
         };
         let worst = worst(&series);

@@ -104,6 +104,7 @@ mod tests {
             residual: &residual,
             temperature: None,
             contact: None,
+            slides: false,
             noise: None,
         };
         persistence(&series, &Runs::of(&t)).unwrap()

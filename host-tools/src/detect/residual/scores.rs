@@ -56,6 +56,7 @@ mod tests {
             residual: &[1.0, -1.0, 1.0, 1.0],
             temperature: None,
             contact: None,
+            slides: false,
             noise: None,
         };
         let scores = Scores::of(&series);

@@ -25,6 +25,8 @@ pub struct Series<'a> {
     pub temperature: Option<&'a [f64]>,
     /// 1 while the leg's foot carries load, else 0.
     pub contact: Option<&'a [f64]>,
+    /// Whether the joint slides: m for rad and N for N m.
+    pub slides: bool,
     /// The log's noise floor; where nobody says, it is that of the residual.
     pub noise: Option<NoiseFloor>,
 }
@@ -75,6 +77,7 @@ pub(super) struct Held {
     columns: [Vec<f64>; 5],
     temperature: Option<Vec<f64>>,
     contact: Option<Vec<f64>>,
+    slides: bool,
 }
 
 /// Windows among which patterns are looked for at most, and how many side by side are kept of a longer series.
@@ -97,6 +100,7 @@ impl Held {
             columns: [series.t, series.q, series.dq, series.tau, series.residual].map(keep),
             temperature: series.temperature.map(keep),
             contact: series.contact.map(keep),
+            slides: series.slides,
         }
     }
 
@@ -111,6 +115,7 @@ impl Held {
             residual,
             temperature: self.temperature.as_deref(),
             contact: self.contact.as_deref(),
+            slides: self.slides,
             noise: None,
         }
     }
@@ -225,6 +230,7 @@ mod tests {
             residual: &q,
             temperature: None,
             contact: None,
+            slides: false,
             noise: None,
         };
         let ddq = series.acceleration(&Runs::of(&t));

@@ -163,6 +163,11 @@ impl<'a> Variables<'a> {
         }
     }
 
+    /// Whether the joint slides.
+    pub(super) fn slides(&self) -> bool {
+        self.series.slides
+    }
+
     /// The variables that the series has.
     pub(super) fn known(&self) -> Vec<Variable> {
         let mut known = vec![

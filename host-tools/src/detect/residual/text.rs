@@ -4,14 +4,29 @@ use super::pattern::Where;
 use super::shape::{Changing, Shape, Variable, Variables};
 use crate::robust;
 
+/// What is said of a joint that turns, of one that slides: none of these sentences has the letters of these units in a word.
+fn of_slide(sentence: &str) -> String {
+    let force = sentence.replace("torque", "force").replace("N m", "N");
+    force.replace("rad", "m")
+}
+
 /// One sentence for a real pattern.
 pub(super) fn sentence(joint: &str, pattern: &Where, variables: &Variables) -> String {
-    let (Some(shape), Some(size)) = (pattern.shape, pattern.size) else {
-        return format!("{joint}: {}", unnamed(pattern));
+    let said = match (pattern.shape, pattern.size) {
+        (Some(shape), Some(size)) => {
+            let told = described(shape, size, variables);
+            format!("predicted torque {told}{}", alternatives(pattern))
+        }
+        _ => unnamed(pattern),
     };
-    let told = described(shape, size, variables);
-    let others = alternatives(pattern);
-    format!("{joint}: predicted torque {told}{others}")
+    of_joint(joint, &said, variables.slides())
+}
+
+fn of_joint(joint: &str, said: &str, slides: bool) -> String {
+    match slides {
+        true => format!("{joint}: {}", of_slide(said)),
+        false => format!("{joint}: {said}"),
+    }
 }
 
 /// The same without what it looks like: for errors of which a cause is known that no pattern tells.
@@ -22,7 +37,11 @@ pub(super) fn observation(joint: &str, pattern: &Where, variables: &Variables) -
     let told = described(shape, size, variables);
     // The cause comes after the last colon.
     let seen = told.rsplit_once(": ").map_or(&*told, |(seen, _)| seen);
-    format!("{joint}: predicted torque {seen}")
+    of_joint(
+        joint,
+        &format!("predicted torque {seen}"),
+        variables.slides(),
+    )
 }
 
 /// The shapes that fit almost as well, in brackets.

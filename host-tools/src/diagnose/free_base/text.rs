@@ -163,7 +163,10 @@ fn outside(left: &Left, walks: &Walks) -> Vec<String> {
 /// What a candidate would add; a load as its mass and its place.
 fn report(judged: &Judged, found: &Found<WalkSource<'_>>, robot: &Legged) -> CandidateReport {
     let total = WalkModel::total(&found.start);
-    let told = crate::diagnose::report::candidate(judged, total, &|members| names(members, robot));
+    let told =
+        crate::diagnose::report::candidate(judged, total, &|members| names(members, robot), &|n| {
+            judged.candidate.effect.description().parameters[n].unit
+        });
     let (member, effect) = (judged.candidate.members[0], judged.candidate.effect);
     if !is_load(effect) {
         return told;

@@ -82,7 +82,7 @@ impl FittedParameter {
         Self {
             estimate: ParameterEstimate {
                 name: crate::parameter::of_effect(effect, n, model.joint_name(joint)),
-                unit: effect.description().parameters[n].unit,
+                unit: model.unit(effect, joint, n),
                 value,
                 std,
                 prior: prior.mean,

@@ -9,6 +9,7 @@ use crate::catalogue;
 use crate::estimate::stages::Stage;
 use crate::estimate::{LEGEND, Status, effect_table};
 use crate::identify::runs::{Consistency, Run};
+use crate::parameter::told;
 use crate::table::{Table, with_std};
 
 /// Most disagreements that are listed.
@@ -87,11 +88,12 @@ fn others<'a>(
     let mut table = Table::default();
     table.row(["parameter", "unit", "value", "prior"].map(str::to_owned));
     for FittedParameter { estimate, .. } in others {
+        let [_, unit] = estimate.told();
         table.row([
             estimate.name.clone(),
-            estimate.unit.to_owned(),
+            unit,
             estimate.cell(),
-            with_std(estimate.prior, estimate.prior_std),
+            told(estimate.prior, estimate.prior_std, estimate.unit)[0].clone(),
         ]);
     }
     write!(f, "\n{table}")

@@ -101,6 +101,7 @@ impl Joint {
             residual: &self.residual,
             temperature: Some(&self.temperature),
             contact: None,
+            slides: false,
             noise: None,
         }
     }
