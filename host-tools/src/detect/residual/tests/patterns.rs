@@ -202,6 +202,25 @@ fn look_alikes_are_told() {
     assert_eq!(echo.echo_of, Some(Variable::Position), "{criticism}");
 }
 
+/// The same of a joint that slides: nothing is told of it in rad, and no torque.
+#[test]
+fn a_pattern_of_a_sliding_joint_is_told_in_its_units() {
+    for (name, error, ..) in CASES {
+        let joint = Joint::new(1000, 3, HALF).with(error);
+        let [turning, sliding] = [false, true].map(|slides| {
+            let series = Series {
+                slides,
+                ..joint.series()
+            };
+            criticise(&[series]).remove(0).patterns.remove(0).sentence
+        });
+        assert!(turning.contains("torque"), "{name}: {turning}");
+        for word in ["torque", "rad", "N m"] {
+            assert!(!sliding.contains(word), "{name}: {sliding}");
+        }
+    }
+}
+
 /// Nothing panics and nothing is found where there is nothing: no windows, few windows, a joint at rest, a perfect model.
 #[test]
 fn empty_and_silent_series_are_no_trouble() {
@@ -218,6 +237,7 @@ fn empty_and_silent_series_are_no_trouble() {
                 residual: &vec![residual; n],
                 temperature: None,
                 contact: Some(&zero),
+                slides: false,
                 noise: None,
             };
             let found = criticise(&[series]).remove(0);
