@@ -118,6 +118,7 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         let columns = Columns {
             recording,
             model,
+            as_is: &as_is,
             fits: true,
         };
         let places = match sign.is_some() || gravity.is_some() {
@@ -144,6 +145,7 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         let columns = Columns {
             recording,
             model,
+            as_is: &as_is,
             fits: false,
         };
         best = plainest([best, columns.counted_the_other_way(), columns.exchanged()]);

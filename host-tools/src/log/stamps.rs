@@ -42,6 +42,11 @@ const CLEARLY: f64 = 0.5;
 /// noise.
 const AS_GOOD: f64 = 1.1;
 
+/// A recorder that is behind when what was read ends has caught up by more than so many periods since it was latest.
+const CATCHES_UP: f64 = 0.5;
+/// So many joints tell a log's clock.
+const TELL_THE_CLOCK: usize = 3;
+
 /// Share of a log's rows from which late stamps are told: computers that do other things too are late with one row in some thousands.
 const SAID: f64 = 1e-3;
 
@@ -188,8 +193,8 @@ impl Stamps {
             if worst > LATE {
                 let apart = (worst.ceil() as usize).min(MOST_AHEAD);
                 let until = (to + apart).min(count);
-                let [by_stamps, by_envelope] =
-                    [&stamps, &envelope].map(|times| self.moves_off(times, from, until, apart));
+                let [by_stamps, by_envelope] = [&stamps, &envelope]
+                    .map(|times| self.moves_off(&self.joints, times, [from, until], apart));
                 if by_envelope < CLEARLY * by_stamps {
                     self.mend(&envelope, from, to);
                 }
@@ -210,24 +215,32 @@ impl Stamps {
         for period in periods(stamps, &hull) {
             let of = |known: f64, end: f64| (period, envelope(stamps, period * (1.0 - known), end));
             told.extend(KNOWN.map(|known| of(known, f64::INFINITY)));
-            // What was read may end while its recorder is behind: no row after that tells how much.
+            // What was read may end while its recorder is behind: no row after that tells how much. It catches up, unlike rows after a pause.
             for &[_, on_time] in &hull {
                 let after = stamps.len() - 1 - on_time;
-                told.push(of(KNOWN[1], stamps[on_time] + after as f64 * period));
+                let end = stamps[on_time] + after as f64 * period;
+                let late = |n: usize| stamps[n] - stamps[on_time] - (n - on_time) as f64 * period;
+                let worst = (on_time..stamps.len()).map(late).fold(0.0, f64::max);
+                if worst - late(stamps.len() - 1) > CATCHES_UP * period {
+                    told.push(of(KNOWN[1], end));
+                }
             }
         }
         let most = |(period, envelope): &(f64, Vec<f64>)| {
             let late = stamps.iter().zip(envelope).map(|(t, e)| (t - e) / period);
             late.fold(0.0, f64::max)
         };
-        let worst = told.iter().map(most).fold(0.0, f64::max);
-        if worst <= LATE {
+        // A period that is wrong makes all rows late: the least is of one that is not.
+        let late = told.iter().map(most).filter(|late| *late > LATE);
+        let worst = late.fold(f64::INFINITY, f64::min);
+        if worst == f64::INFINITY {
             return None;
         }
         let apart = (worst.ceil() as usize).min(stamps.len());
+        let moving = self.moving();
         let off = told
             .iter()
-            .map(|(_, times)| self.moves_off(times, 0, self.judged, apart));
+            .map(|(_, times)| self.moves_off(&moving, times, [0, self.judged], apart));
         let off: Vec<f64> = off.collect();
         let least = off.iter().copied().fold(f64::INFINITY, f64::min);
         let mut good: Vec<_> = off.into_iter().zip(told).collect();
@@ -240,13 +253,31 @@ impl Stamps {
         best.map(|(_, clock)| clock)
     }
 
-    /// By how much positions move otherwise than velocities integrate to at such times, squared and added up over all joints and the rows
+    /// The joints that move most in what was read: they tell the clock, and the others no more.
+    fn moving(&self) -> Vec<[usize; 2]> {
+        let square = |&[_, dq]: &[usize; 2]| -> f64 {
+            let rows = self.ahead.iter().map(|row| row.values[dq]);
+            rows.filter(|x| x.is_finite()).map(|x| x * x).sum()
+        };
+        let mut joints: Vec<_> = self.joints.iter().map(|own| (square(own), *own)).collect();
+        joints.sort_by(|a, b| b.0.total_cmp(&a.0));
+        joints.truncate(TELL_THE_CLOCK);
+        joints.into_iter().map(|(_, own)| own).collect()
+    }
+
+    /// By how much positions move otherwise than velocities integrate to at such times, squared and added up over `joints` and the rows
     /// `from..to`: between each of them and the one that is `apart` rows before, for by so much the later of two rows may be late and the other not.
-    fn moves_off(&self, times: &[f64], from: usize, to: usize, apart: usize) -> f64 {
+    fn moves_off(
+        &self,
+        joints: &[[usize; 2]],
+        times: &[f64],
+        [from, to]: [usize; 2],
+        apart: usize,
+    ) -> f64 {
         let start = from.saturating_sub(apart);
         let mut sum = 0.0;
         let mut gone = Vec::with_capacity(to - start);
-        for [q, dq] in &self.joints {
+        for [q, dq] in joints {
             gone.clear();
             let mut integral = 0.0;
             for n in start..to {
@@ -314,9 +345,14 @@ fn periods(stamps: &[f64], on_time: &[[usize; 2]]) -> Vec<f64> {
         let at = share * spans.len().saturating_sub(1) as f64;
         spans.get(at.round() as usize).copied()
     };
-    let told = QUANTILES.into_iter().filter_map(quantile);
+    let told: Vec<f64> = QUANTILES.into_iter().filter_map(quantile).collect();
+    let least = told.iter().copied().fold(f64::INFINITY, f64::min) * (1.0 - KNOWN[0]);
+    let most = told.iter().copied().fold(0.0, f64::max) * (1.0 + KNOWN[0]);
     let slope = |&[a, b]: &[usize; 2]| (stamps[b] - stamps[a]) / (b - a) as f64;
-    let told = told.chain(on_time.iter().map(slope));
+    // Over a pause, or over messages that were lost, there is another slope.
+    let slopes = on_time.iter().map(slope);
+    let slopes = slopes.filter(|period| (least..=most).contains(period));
+    let told = told.iter().copied().chain(slopes);
     told.filter(|period| *period > 0.0).collect()
 }
 

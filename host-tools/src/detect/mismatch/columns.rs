@@ -3,7 +3,7 @@
 use super::reading::Reading;
 use super::{EXCELLENT, FAR_BETTER, Left, MismatchKind};
 use crate::model::Model;
-use crate::parallel::{by_number, side_by_side};
+use crate::parallel::side_by_side;
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
 
@@ -29,6 +29,8 @@ type At = (usize, usize);
 pub(super) struct Columns<'a> {
     pub(super) recording: &'a Recording,
     pub(super) model: &'a Model,
+    /// The limbs read as they say.
+    pub(super) as_is: &'a [Reading],
     /// The log fits but for what stands out.
     pub(super) fits: bool,
 }
@@ -38,26 +40,31 @@ impl Columns<'_> {
     fn left(&self, limb: usize, samples: &LimbRecording) -> Vec<f64> {
         let own = &self.recording.limbs[limb].0;
         let reading = Reading::of(self.model, own, samples, false);
-        let joints = reading.map_or_else(Vec::new, |reading| reading.joints);
-        let of = |body: usize| {
-            let name = self.model.joint_name(body);
-            let joint = joints.iter().find(|joint| joint.name == name);
-            joint.map_or(0.0, |joint| joint.left().min(1.0))
-        };
-        own.bodies.clone().map(of).collect()
+        self.left_by(limb, reading.as_slice())
     }
 
-    fn as_is(&self) -> Way {
-        let limbs: Vec<LimbRecording> = self
-            .recording
-            .limbs
-            .iter()
-            .map(|(_, own)| own.clone())
-            .collect();
-        Way {
-            left: by_number(0..limbs.len(), |n| self.left(n, &limbs[n])),
-            limbs,
-        }
+    /// The same by readings that have been made.
+    fn left_by(&self, limb: usize, readings: &[Reading]) -> Vec<f64> {
+        let joints = || readings.iter().flat_map(|reading| &reading.joints);
+        let of = |body: usize| {
+            let name = self.model.joint_name(body);
+            let joint = joints().find(|joint| joint.name == name);
+            joint.map_or(0.0, |joint| joint.left().min(1.0))
+        };
+        let bodies = self.recording.limbs[limb].0.bodies.clone();
+        bodies.map(of).collect()
+    }
+
+    /// The limbs as they say; `None` if no joint of a log that fits stands out.
+    fn start(&self) -> Option<Way> {
+        let limbs = &self.recording.limbs;
+        let left = (0..limbs.len()).map(|n| self.left_by(n, self.as_is));
+        let left: Vec<Vec<f64>> = left.collect();
+        let is_plain = self.fits && self.astray(&left).is_empty();
+        (!is_plain).then(|| Way {
+            limbs: limbs.iter().map(|(_, own)| own.clone()).collect(),
+            left,
+        })
     }
 
     fn name(&self, (limb, joint): At) -> String {
@@ -110,14 +117,14 @@ impl Columns<'_> {
     }
 
     /// The joints that are not in their place.
-    fn astray(&self, way: &Way) -> Vec<At> {
-        let all = way.left.iter().flatten().copied();
+    fn astray(&self, left: &[Vec<f64>]) -> Vec<At> {
+        let all = left.iter().flatten().copied();
         let usual = robust::quantile(all, QUIETEST).unwrap_or(0.0);
         let most = match self.fits {
             true => f64::max(EXCELLENT, STANDS_OUT * usual),
             false => IN_PLACE,
         };
-        let limbs = way.left.iter().enumerate();
+        let limbs = left.iter().enumerate();
         let joints =
             limbs.flat_map(|(n, left)| left.iter().enumerate().map(move |(j, x)| ((n, j), *x)));
         joints
@@ -140,10 +147,10 @@ impl Way {
 impl Columns<'_> {
     /// What is left with the joints that count the other way read as if they did not: position, velocity and torque together.
     pub(super) fn counted_the_other_way(&self) -> Option<Left> {
-        let mut way = self.as_is();
+        let mut way = self.start()?;
         let mut found: Vec<At> = Vec::new();
         while found.len() < MOST {
-            let astray = self.astray(&way);
+            let astray = self.astray(&way.left);
             // A joint that counts the other way spoils those beside it too.
             let is_beside = |n: usize| !self.fits || astray.iter().any(|(limb, _)| *limb == n);
             let limbs = way.limbs.iter().enumerate().filter(|(n, _)| is_beside(*n));
@@ -168,10 +175,10 @@ impl Columns<'_> {
 
     /// What is left with pairs of joints exchanged, of any limbs.
     pub(super) fn exchanged(&self) -> Option<Left> {
-        let mut way = self.as_is();
+        let mut way = self.start()?;
         let mut found: Vec<(At, At)> = Vec::new();
         while found.len() < MOST {
-            let astray = self.astray(&way);
+            let astray = self.astray(&way.left);
             let pairs: Vec<(At, At)> = (astray.iter().enumerate())
                 .flat_map(|(n, a)| astray[..n].iter().map(move |b| (*b, *a)))
                 // Limbs are followed by their own clock.

@@ -171,3 +171,17 @@ fn a_live_row_waits_for_none() {
         assert!(stamps.next(&mut values).is_some() && values == row);
     }
 }
+
+/// Rows after a pause are not late, however long it lasts and however fast joints move: no one catches up.
+#[test]
+fn what_follows_a_pause_keeps_its_stamps() {
+    for pause in [0.05, 0.3, 5.0, 14_400.0] {
+        for after in [50, 400, 1_500] {
+            let measured: Vec<f64> = (0..1_000 + after)
+                .map(|n| n as f64 * 2e-3 + if n < 1_000 { 0.0 } else { pause })
+                .collect();
+            let (times, mended) = read(&rows(&measured, &measured, 1.0, 4));
+            assert_eq!((mended, times), (0, measured), "{pause} s, {after} rows");
+        }
+    }
+}
