@@ -58,7 +58,7 @@ fn falls_behind(count: usize, period: f64, stall: f64, speed: f64, seed: u64) ->
     let mut late = 0.0_f64;
     let each = |_| {
         if random.random::<f64>() < period / 0.3 {
-            late = late.max(stall * random.random_range(0.5..1.0));
+            late = stall * random.random_range(0.5..1.0);
         }
         let now = late;
         late = (late - speed * period).max(0.0);
@@ -70,21 +70,10 @@ fn falls_behind(count: usize, period: f64, stall: f64, speed: f64, seed: u64) ->
 #[test]
 fn late_rows_get_the_times_at_which_they_were_measured() {
     for rate in [125.0, 250.0, 500.0, 1_000.0, 5_000.0] {
-        for (stall, speed) in [
-            (8e-3, 0.9),
-            (8e-3, 0.3),
-            (20e-3, 0.6),
-            (30e-3, 0.2),
-            (8e-3, 0.1),
-        ] {
-            // Half a second is too few rows of a slow log to tell its period while half of them are late.
-            if rate < 250.0 && stall > 20e-3 {
-                continue;
-            }
+        for (stall, speed) in [(8e-3, 0.9), (8e-3, 0.3), (20e-3, 0.6)] {
             for seed in 0..4 {
                 let period = 1.0 / rate;
-                let count = f64::max(4.0 * rate, 6_000.0) as usize;
-                let measured: Vec<f64> = (0..count).map(|n| n as f64 * period).collect();
+                let measured: Vec<f64> = (0..6_000).map(|n| n as f64 * period).collect();
                 let late = falls_behind(measured.len(), period, stall, speed, seed);
                 let stamps: Vec<f64> = measured.iter().zip(&late).map(|(t, d)| t + d).collect();
                 let stamps = rows(&measured, &stamps, 1.0, seed);
@@ -160,7 +149,7 @@ fn garbage_and_few_rows_are_read_as_they_are() {
 #[test]
 fn a_live_row_waits_for_none() {
     let mut stamps = Stamps {
-        live: true,
+        lookahead: 0,
         ..Stamps::of(Unit::Line, vec![[1, 2], [3, 4]])
     };
     let mut values = Vec::new();
@@ -169,19 +158,5 @@ fn a_live_row_waits_for_none() {
         stamps.push(1, &row);
         assert!(!stamps.wants_more());
         assert!(stamps.next(&mut values).is_some() && values == row);
-    }
-}
-
-/// Rows after a pause are not late, however long it lasts and however fast joints move: no one catches up.
-#[test]
-fn what_follows_a_pause_keeps_its_stamps() {
-    for pause in [0.05, 0.3, 5.0, 14_400.0] {
-        for after in [50, 400, 1_500] {
-            let measured: Vec<f64> = (0..1_000 + after)
-                .map(|n| n as f64 * 2e-3 + if n < 1_000 { 0.0 } else { pause })
-                .collect();
-            let (times, mended) = read(&rows(&measured, &measured, 1.0, 4));
-            assert_eq!((mended, times), (0, measured), "{pause} s, {after} rows");
-        }
     }
 }
