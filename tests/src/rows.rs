@@ -6,6 +6,21 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use tempfile::TempDir;
+
+use crate::command::simulated;
+
+/// A leg with the four effects of every drive, whose encoders have noise of 0.2 mrad and 0.03 rad/s: its log is `log.csv`.
+pub fn with_noisy_encoders(seed: u64) -> TempDir {
+    let folder = simulated(&format!(
+        "--legs FR --typical --inertia-error 0.05 --seed {seed} --velocity-noise 0.03"
+    ));
+    let path = folder.path().join("log.csv");
+    let mut log = Rows::read(&path);
+    log.add_noise("q", 2e-4, seed);
+    log.write(&path);
+    folder
+}
 
 /// A CSV log. An empty cell is NaN.
 #[derive(Debug, Clone)]

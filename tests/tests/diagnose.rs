@@ -5,7 +5,7 @@ use std::path::Path;
 
 use proprio_host::model::{Model, ModelEffect};
 use proprio_tests::command::{done, json, refusal, simulated, steps};
-use proprio_tests::rows::Rows;
+use proprio_tests::rows::with_noisy_encoders;
 use tempfile::TempDir;
 
 /// A robot whose joints no log has.
@@ -286,13 +286,7 @@ fn values_that_have_changed_are_named() {
 #[test]
 fn noise_of_encoders_is_no_effect() {
     for seed in [3, 9, 11, 14, 18] {
-        let folder = simulated(&format!(
-            "--legs FR --typical --inertia-error 0.05 --seed {seed} --velocity-noise 0.03"
-        ));
-        let path = folder.path().join("log.csv");
-        let mut log = Rows::read(&path);
-        log.add_noise("q", 2e-4, seed);
-        log.write(&path);
+        let folder = with_noisy_encoders(seed);
         let add = "add viscous coulomb armature bias -m model.toml";
         done(folder.path(), &add.split(' ').collect::<Vec<_>>());
         let diagnose = ["diagnose", "log.csv", "-m", "model.toml", "--json"];

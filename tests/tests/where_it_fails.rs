@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proprio_tests::command::{done, folder, simulated};
-use proprio_tests::rows::Rows;
+use proprio_tests::rows::{Rows, with_noisy_encoders};
 
 /// The first screen of `compare` of a log with a model of what every drive has, in one line.
 fn compared(folder: &Path, log: &str) -> String {
@@ -91,17 +91,11 @@ fn a_counterbalance_is_at_its_axis() {
     assert!(points.contains("% of the square error: A2"), "{screen}");
 }
 
-/// The same with encoders' noise of 0.2 mrad and 0.03 rad/s: after a turn the joint moves faster than they tell, and the bound has no more to take away.
+/// A complete leg with noisy encoders: after a turn the joint moves faster than they show, and the bound has no more to explain.
 #[test]
 fn of_noisy_encoders_nothing_is_told() {
     for seed in [3, 11, 18] {
-        let folder = simulated(&format!(
-            "--legs FR --typical --inertia-error 0.05 --seed {seed} --velocity-noise 0.03"
-        ));
-        let path = folder.path().join("log.csv");
-        let mut log = Rows::read(&path);
-        log.add_noise("q", 2e-4, seed);
-        log.write(&path);
+        let folder = with_noisy_encoders(seed);
         let screen = compared(folder.path(), "log.csv");
         assert!(screen.contains("no structure above the noise"), "{screen}");
         assert!(screen.contains("explains no more than"), "{screen}");

@@ -12,7 +12,10 @@ const WORTH_SAYING: f64 = 0.2;
 pub(super) fn table(boxes: &BlackBox, noise: Option<String>) -> Table {
     let mut table = Table::default();
     table.row(["a non-parametric bound from, blind to torque", "rms"].map(str::to_owned));
-    table.row(["nothing: the model alone".to_owned(), torque(boxes.rms)]);
+    table.row([
+        "nothing: the model, without what smoothing lost".to_owned(),
+        torque(boxes.rms),
+    ]);
     for rung in &boxes.rungs {
         let sees = match rung.sees {
             Inputs::Joint => "the joint's own motion at that moment",
@@ -38,7 +41,7 @@ pub(super) fn sentence(boxes: &BlackBox) -> String {
     let all = square - past.powi(2);
     if all < STRUCTURE * square {
         return format!(
-            "A non-parametric bound from the limb's whole motion explains no more than {:.0} % of the squared error: the residual is noise, or does \
+            "A non-parametric bound from the limb's whole motion explains no more than {:.0} % of the squared error: the rest is noise, or does \
              not follow the motion",
             (100.0 * all / square).max(0.0).ceil()
         );

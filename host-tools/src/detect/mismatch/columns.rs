@@ -11,10 +11,10 @@ use crate::robust;
 const MOST: usize = 6;
 /// A joint that leaves less than this is in its place.
 const IN_PLACE: f64 = 0.3;
-/// In a log that fits but for a joint or two, these leave so many times what three of four joints leave more than (those beside them in their limbs are
-/// spoilt too): friction and offsets that no model knows yet make up to five times of it in real chirps.
+/// In a log that fits but for a joint or two, these leave so many times the lower quartile of all joints' shares: not the median's, for the joints of their
+/// limbs are spoilt too. Friction and offsets that no model knows yet make up to five times of it on real chirps.
 const STANDS_OUT: f64 = 6.0;
-const QUIETEST: f64 = 0.25;
+const QUARTILE: f64 = 0.25;
 
 /// Limbs whose columns are read in some way, and what their joints leave.
 struct Way {
@@ -119,7 +119,7 @@ impl Columns<'_> {
     /// The joints that are not in their place.
     fn astray(&self, left: &[Vec<f64>]) -> Vec<At> {
         let all = left.iter().flatten().copied();
-        let usual = robust::quantile(all, QUIETEST).unwrap_or(0.0);
+        let usual = robust::quantile(all, QUARTILE).unwrap_or(0.0);
         let most = match self.fits {
             true => f64::max(EXCELLENT, STANDS_OUT * usual),
             false => IN_PLACE,
