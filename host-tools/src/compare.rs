@@ -32,6 +32,7 @@ pub use feet::FootForce;
 pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
+pub(crate) use free_base::{walk_rungs, walk_yardsticks};
 pub use models::{ModelError, ModelJoint, ModelsComparison};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
@@ -268,8 +269,10 @@ impl Judged<'_> {
         let views: Vec<_> = judged.iter().map(JointSeries::view).collect();
         let mut criticism = residual::criticise(&views);
         feet::restrain(&mut criticism, &contact);
-        for (criticism, series) in criticism.iter_mut().zip(&series) {
-            criticism.scores = Scores::of(&series.view());
+        for ((criticism, series), ladder) in criticism.iter_mut().zip(&series).zip(&self.ladder) {
+            let scores = Scores::of(&series.view());
+            criticism.above_noise_percent = ladder.errors.above_noise_percent(scores.rms);
+            criticism.scores = scores;
         }
         let joints = series.iter().zip(&criticism).zip(&self.ladder).enumerate();
         let joints: Vec<JointComparison> = joints

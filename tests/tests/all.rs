@@ -36,7 +36,6 @@ mod frf;
 mod hidden_effect;
 mod identify_model;
 mod ladder;
-mod late_stamps;
 mod live;
 mod long_logs;
 mod mismatch;

@@ -14,7 +14,6 @@ mod demo;
 mod diagnose;
 mod effects;
 mod excite;
-mod experiments;
 mod export;
 mod factors;
 mod flash;
