@@ -269,10 +269,8 @@ impl Judged<'_> {
         let views: Vec<_> = judged.iter().map(JointSeries::view).collect();
         let mut criticism = residual::criticise(&views);
         feet::restrain(&mut criticism, &contact);
-        for ((criticism, series), ladder) in criticism.iter_mut().zip(&series).zip(&self.ladder) {
-            let scores = Scores::of(&series.view());
-            criticism.above_noise_percent = ladder.errors.above_noise_percent(scores.rms);
-            criticism.scores = scores;
+        for (criticism, series) in criticism.iter_mut().zip(&series) {
+            criticism.scores = Scores::of(&series.view());
         }
         let joints = series.iter().zip(&criticism).zip(&self.ladder).enumerate();
         let joints: Vec<JointComparison> = joints

@@ -178,44 +178,37 @@ impl Comparison {
     pub(super) fn unexplained(&self) -> Vec<(f64, String)> {
         let square = |c: &Criticism| c.scores.rms.powi(2) * c.scores.n as f64;
         let all: f64 = self.criticism.iter().map(square).sum();
-        let above_noise = |c: &Criticism| {
-            let joint = self.joints.iter().find(|joint| joint.joint == c.joint)?;
-            let above = joint.above_noise_percent?;
-            (above > WORTH_A_DIAGNOSIS).then_some(above)
-        };
-        let told = |c: &&Criticism| {
-            let explained: f64 = c.patterns.iter().map(|pattern| pattern.share).sum();
+        // Why one is told; noise that is not white is noise, so that this counts only where no floor is known. Of what no smoothing lost, as all that is
+        // told of where a model fails.
+        let why = |c: &Criticism| {
             let others = self.criticism.iter().filter(|o| o.joint != c.joint);
             let usual = robust::median(others.map(|o| o.scores.rms)).unwrap_or(f64::INFINITY);
-            let structured = c.structure() > EXPLAINED
-                || c.whiteness.as_ref().is_some_and(|w| !w.white)
-                || above_noise(c).is_some();
-            explained < EXPLAINED
-                && 100.0 * square(c) >= OUTSTANDING_PERCENT * all
-                && (structured || c.scores.rms > STANDS_OUT * usual)
+            let white = c.whiteness.as_ref().is_none_or(|w| w.white);
+            match (c.structure(), c.above_noise_percent) {
+                (structure, _) if structure > EXPLAINED => {
+                    Some(format!("{:.0} % of it is structure", 100.0 * structure))
+                }
+                (_, Some(above)) if above > WORTH_A_DIAGNOSIS => {
+                    Some(format!("{above:.0} % of it is above the noise floor"))
+                }
+                (_, None) if !white => Some("its residual is not white".to_owned()),
+                _ => (c.scores.rms > STANDS_OUT * usual)
+                    .then(|| "far more than the other joints leave".to_owned()),
+            }
         };
-        let words = |c: &Criticism| {
+        let told = |c: &Criticism| {
+            let explained: f64 = c.patterns.iter().map(|pattern| pattern.share).sum();
+            let outstanding = 100.0 * square(c) >= OUTSTANDING_PERCENT * all;
+            let why = why(c).filter(|_| explained < EXPLAINED && outstanding)?;
             let share = 100.0 * square(c) / all.max(f64::MIN_POSITIVE);
-            let structure = match c.structure() {
-                structure if structure > 0.0 => {
-                    format!("{:.0} % of it is structure", 100.0 * structure)
-                }
-                _ if c.whiteness.as_ref().is_some_and(|w| !w.white) => {
-                    "its residual is not white".to_owned()
-                }
-                _ => match above_noise(c) {
-                    Some(above) => format!("{above:.0} % of it is above the noise floor"),
-                    None => "far more than the other joints leave".to_owned(),
-                },
-            };
             let words = format!(
-                "{share:.0} % of the square error: {}, {} N m rms: {structure}, and no simple pattern explains it",
+                "{share:.0} % of the square error: {}, {} N m rms: {why}, and no simple pattern explains it",
                 c.joint,
                 torque(c.scores.rms)
             );
-            (share, words)
+            Some((share, words))
         };
-        self.criticism.iter().filter(told).map(words).collect()
+        self.criticism.iter().filter_map(told).collect()
     }
 
     fn write_where(&self, to: &mut String, all: bool) -> fmt::Result {

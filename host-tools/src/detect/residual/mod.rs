@@ -70,7 +70,7 @@ pub struct Criticism {
     pub scores: Scores,
     /// The error that no model can take away; none for fewer than 100 windows.
     pub noise: Option<NoiseFloor>,
-    /// Share of the mean square error above the noise floor, %.
+    /// Share of the mean square of the residual that is judged above the noise floor, %: of `compare`, of the residual without what smoothing lost.
     pub above_noise_percent: Option<f64>,
     /// Where the model fails: against each variable that the series has.
     pub everywhere: Vec<Where>,
