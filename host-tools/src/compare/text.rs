@@ -178,8 +178,8 @@ impl Comparison {
     pub(super) fn unexplained(&self) -> Vec<(f64, String)> {
         let square = |c: &Criticism| c.scores.rms.powi(2) * c.scores.n as f64;
         let all: f64 = self.criticism.iter().map(square).sum();
-        // Why one is told; noise that is not white is noise, so that this counts only where no floor is known. Of what no smoothing lost, as all that is
-        // told of where a model fails.
+        // Why one is told, by the residual without what smoothing lost, as everything that tells where a model fails. Noise may have a memory: that a
+        // residual is not white counts only where no noise floor is known.
         let why = |c: &Criticism| {
             let others = self.criticism.iter().filter(|o| o.joint != c.joint);
             let usual = robust::median(others.map(|o| o.scores.rms)).unwrap_or(f64::INFINITY);

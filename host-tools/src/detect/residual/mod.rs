@@ -70,7 +70,9 @@ pub struct Criticism {
     pub scores: Scores,
     /// The error that no model can take away; none for fewer than 100 windows.
     pub noise: Option<NoiseFloor>,
-    /// Share of the mean square of the residual that is judged above the noise floor, %: of `compare`, of the residual without what smoothing lost.
+    /// Share of the mean square of the residual that is judged above the noise floor, %. `compare` judges it without what smoothing lost of the motion; the
+    /// share of the whole error is in `JointComparison`, and alone in JSON.
+    #[serde(skip)]
     pub above_noise_percent: Option<f64>,
     /// Where the model fails: against each variable that the series has.
     pub everywhere: Vec<Where>,
