@@ -36,6 +36,7 @@ mod frf;
 mod hidden_effect;
 mod identify_model;
 mod ladder;
+mod late_stamps;
 mod live;
 mod long_logs;
 mod mismatch;

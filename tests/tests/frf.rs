@@ -147,6 +147,89 @@ fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
     );
 }
 
+/// A plan is a file that a robot plays, here the simulated one, and its log gives the springs; its errors are foreseen within a factor.
+#[test]
+fn a_plan_is_written_played_and_judged() {
+    let folder = folder();
+    let folder = folder.path();
+    frf_arm(folder);
+    let words = "excite --frf -m arm.toml --points 3 -o plan.csv --json";
+    let plan = json(&done(folder, &words.split(' ').collect::<Vec<_>>()));
+    assert_eq!(plan["violations"], 0);
+    assert_eq!(
+        (&plan["points"], &plan["blocks"], &plan["experiments"]),
+        (&3.into(), &2.into(), &3.into())
+    );
+    let band = plan["band"].as_array().unwrap();
+    assert!(number(&plan["carrier"]) < number(&band[0]), "{plan}");
+    let text = fs::read_to_string(folder.join("plan.csv")).unwrap();
+    let header = text.lines().next().unwrap();
+    assert!(
+        header.starts_with("t,q/yaw,") && header.ends_with(",ref/yaw,ref/shoulder,ref/elbow"),
+        "{header}"
+    );
+    let rows = text.lines().count() - 1;
+    assert_eq!(rows as f64, number(&plan["duration"]) * 500.0);
+
+    let words = "simulate --frf --follow plan.csv -m arm.toml --slow slow.csv -o frf.csv";
+    let words: Vec<&str> = words.split(' ').collect();
+    done(folder, &[&words[..], &ARM].concat());
+    for words in [
+        "add viscous coulomb armature -m arm.toml",
+        "identify slow.csv -m arm.toml -o fitted.toml",
+    ] {
+        done(folder, &words.split(' ').collect::<Vec<_>>());
+    }
+    let found = json(&done(
+        folder,
+        &["frf", "frf.csv", "-m", "fitted.toml", "--json"],
+    ));
+    assert_eq!(found["lines"], plan["lines"]);
+    assert_eq!(found["points"].as_array().unwrap().len(), 3);
+    let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
+    for joint in ["yaw", "shoulder", "elbow"] {
+        for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.08)] {
+            let name = format!("{what}:{joint}");
+            let own = number(&parameter(&found, &name)["value"]);
+            let wrong = own / number(&parameter(&truth, &name)["value"]) - 1.0;
+            println!("{name}: {:+.2} %", 100.0 * wrong);
+            assert!(wrong.abs() < share, "{name} {:+.2} %", 100.0 * wrong);
+        }
+    }
+    // A plan is played as it is.
+    let both = "simulate --frf --follow plan.csv --points 2 -m arm.toml -o other.csv";
+    let output = proprio(folder, &both.split(' ').collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(2));
+    let none = "simulate --frf --follow slow.csv -m arm.toml -o other.csv";
+    let message = refusal(folder, &none.split(' ').collect::<Vec<_>>());
+    assert!(
+        message.contains("not a plan of `excite --frf`"),
+        "{message}"
+    );
+}
+
+/// What cannot be planned has its own words and a hint, and nothing is written.
+#[test]
+fn plans_that_cannot_be_are_refused_each_in_its_own_words() {
+    let folder = folder();
+    let folder = folder.path();
+    frf_arm(folder);
+    for (more, what) in [
+        ("--excitation 0.05", "too small to break its friction"),
+        ("--band 1,220", "beyond 0.8 of the Nyquist frequency"),
+        ("--band 10,20 --period 1", "12 are needed"),
+        ("--torque-share 0.05", "the limits are too narrow"),
+    ] {
+        let words = format!("excite --frf -m arm.toml -o plan.csv --json {more}");
+        let message = refusal(folder, &words.split(' ').collect::<Vec<_>>());
+        assert!(
+            message.contains(what) && message.contains("\nhint: "),
+            "{what}: {message}"
+        );
+        assert!(!folder.join("plan.csv").exists());
+    }
+}
+
 /// One joint at 500 Hz, periods of a second, with sines at `lines` Hz, as a rigid mass moves.
 fn periodic(
     folder: &Path,
@@ -265,8 +348,21 @@ fn what_an_experiment_cannot_tell_is_refused() {
     frf_arm(folder);
     let simulate = |more: &[&str]| {
         let plain = [
-            "simulate", "--frf", "-m", "arm.toml", "--points", "1", "--blocks", "1", "-o",
-            "frf.csv", "--force",
+            "simulate",
+            "--frf",
+            "-m",
+            "arm.toml",
+            "--points",
+            "1",
+            "--blocks",
+            "1",
+            "-o",
+            "frf.csv",
+            "--force",
+            "--period",
+            "2",
+            "--periods",
+            "4",
         ];
         done(folder, &[&plain[..], more].concat());
     };

@@ -345,7 +345,7 @@ fn late_stamps_do_not_make_an_error() {
     let comparison = ["compare", "late.csv", "-m", "model.toml"];
     let said = stderr(&proprio(folder, &comparison));
     assert!(
-        said.contains("time stamps are late, by up to 7.9 ms"),
+        said.contains("time stamps are late, by up to 8 ms"),
         "{said}"
     );
 }

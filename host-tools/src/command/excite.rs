@@ -1,6 +1,7 @@
 //! `proprio excite`: the motion that tells.
 
 mod arguments;
+mod frf;
 mod poses;
 mod report;
 mod trunk;
@@ -19,6 +20,7 @@ use arguments::{Cost, LimitArguments, Separation, TrunkArguments, parse_pose, pa
 use clap::Args;
 use report::Report;
 
+use super::experiments::ExperimentArguments;
 use super::result::result;
 use super::{Error, json, model_or_default};
 use crate::progress::Progress;
@@ -33,7 +35,7 @@ const MOST_GAIN: f64 = 500.0;
 /// another. Ctrl-C ends the search with the best motion so far; a second one ends the program.
 ///
 /// A suspended robot does not reveal its trunk's parameters. --standing designs a motion of the trunk over four planted feet,
-/// for `identify --free-base`.
+/// for `identify --free-base`. --frf plans periodic experiments that identify springs between motors and links, for `frf`.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Excite {
@@ -56,7 +58,7 @@ pub(crate) struct Excite {
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
     /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to separate a payload
-    /// from armature, the duration]
+    /// from armature, the duration; of --frf, 4]
     #[arg(long, value_name = "S")]
     period: Option<f64>,
     /// Waves of a series: the fastest is this many in a period [default: 10; of the trunk's, 5]
@@ -89,6 +91,14 @@ pub(crate) struct Excite {
     /// Choose so many poses to measure for `calibrate` instead of a motion: rows of q/<joint>
     #[arg(long, value_name = "N", conflicts_with_all = ["parameters", "separate", "from", "standing", "html", "shapes"], value_parser = clap::value_parser!(u32).range(3..=200))]
     poses: Option<u32>,
+    /// Plan periodic experiments for `frf` instead of a motion: multisines on a slow sine, at some points
+    #[arg(long, conflicts_with_all = ["parameters", "separate", "from", "standing", "html", "poses", "pose", "coefficients", "harmonics", "duration", "cost"])]
+    frf: bool,
+    #[command(flatten)]
+    experiments: ExperimentArguments,
+    /// Samples per second of a plan of --frf, Hz
+    #[arg(long, value_name = "HZ", requires = "frf", default_value_t = crate::excite::output::RATE, value_parser = super::simulate::within(10.0, 5000.0))]
+    rate: f64,
     /// A file of shapes to stay clear of: capsules of the robot and around it, planes
     #[arg(long, value_name = "SHAPES")]
     shapes: Option<PathBuf>,
@@ -115,6 +125,9 @@ impl Excite {
         let model = model_or_default(self.model.as_deref(), false)?;
         if let Some(count) = self.poses {
             return poses::choose(&self, &model, count as usize, begun);
+        }
+        if self.frf {
+            return frf::plan(&self, &model, begun);
         }
         if self.trunk.standing {
             return trunk::standing(&self, &model, begun);
@@ -253,4 +266,5 @@ const EXAMPLES: &str = "Examples:
   proprio excite --legs FR --for m:FR_calf,coulomb:FR_calf
   proprio excite --legs FR --separate stribeck,quadratic_drag:FR_thigh -o next.csv
   proprio excite --legs FR --from fr_log.csv -o next.csv
-  proprio excite --standing -o sway.csv";
+  proprio excite --standing -o sway.csv
+  proprio excite --frf -m arm.toml -o plan.csv";

@@ -214,6 +214,16 @@ pub fn of_excite(error: &ExciteError) -> Option<String> {
         ExciteError::NotAGo2 => {
             "`proprio excite` without them designs motions of a limb on a fixed base"
         }
+        ExciteError::BeyondNyquist { .. } => "sample faster with --rate, or end the --band lower",
+        ExciteError::FewLines { .. } => "take a longer --period or a wider --band",
+        ExciteError::BelowFriction { .. } => {
+            "excite harder with --excitation; or if the friction is wrong, identify `coulomb` from a slow log"
+        }
+        ExciteError::NoPoints { .. } => {
+            "excite less with --excitation, keep back less of that limit, or ask for fewer --points"
+        }
+        ExciteError::Singular => "give the links' masses in the URDF or the model file",
+        ExciteError::Responses(error) => return error.hint(),
         ExciteError::Shape { .. } => {
             "lengths are in m, in the frame of the joint that moves the shape"
         }

@@ -14,6 +14,7 @@ mod demo;
 mod diagnose;
 mod effects;
 mod excite;
+mod experiments;
 mod export;
 mod factors;
 mod flash;

@@ -53,13 +53,19 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
     ground_friction: Option<f64>,
     /// Measure an arm of any robot (-m) at so many poses instead: a file for `calibrate`
-    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical"], value_parser = clap::value_parser!(u32).range(1..100_000))]
+    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical", "follow"], value_parser = clap::value_parser!(u32).range(1..100_000))]
     poses: Option<u32>,
     /// Excite a robot (-m) with elastic joints by multisines instead: a log for `frf`
-    #[arg(long, requires = "model", conflicts_with_all = ["legs", "motion", "walk", "follow", "poses", "temperature", "typical", "duration"])]
+    #[arg(long, requires = "model", conflicts_with_all = ["legs", "motion", "walk", "poses", "temperature", "typical", "duration"])]
     frf: bool,
     #[command(flatten)]
-    experiments: frf::ExperimentArguments,
+    experiments: super::experiments::ExperimentArguments,
+    /// Length of a period, of --frf [default: 4]
+    #[arg(long, value_name = "S", requires = "frf", value_parser = within(0.1, 100.0))]
+    period: Option<f64>,
+    /// Also write a log of slow motion of the same robot: for `identify`, whose friction and masses `frf` needs
+    #[arg(long, value_name = "LOG", requires = "frf")]
+    slow: Option<PathBuf>,
     /// The robot that is measured, of --poses and --frf
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
@@ -87,7 +93,7 @@ pub(crate) struct Simulate {
     /// What the joints are asked to do
     #[arg(long, value_enum, default_value_t = MotionName::Multisine)]
     motion: MotionName,
-    /// Follow a motion of `proprio excite` instead: its legs, its feed-forward torques, its gains
+    /// Follow a motion of `proprio excite` instead: its legs, its feed-forward torques, its gains; with --frf a plan of `excite --frf`
     #[arg(long, value_name = "MOTION", conflicts_with_all = ["motion", "legs"])]
     follow: Option<PathBuf>,
     /// Length, s [default: 20, or the motion's]

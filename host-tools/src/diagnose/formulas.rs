@@ -92,6 +92,7 @@ pub(super) fn find<'a>(
             Some(asked)
         });
         found.extend(instead.zip(exchanged.into_inner()));
+        d.found.complete_drive(limb, joint);
         for _ in 0..MOST_TERMS {
             let Some((asked, pick)) = screen(&d.found.end.fits[limb]) else {
                 break;

@@ -51,6 +51,60 @@ pub enum ExciteError {
     /// The trunk's motions are a Go2's.
     #[error("--standing knows a Go2 alone, and the model is another robot's")]
     NotAGo2,
+    /// Lines that sampling does not resolve.
+    #[error("lines up to {highest:.1} Hz are beyond 0.8 of the Nyquist frequency, {limit:.1} Hz")]
+    BeyondNyquist {
+        /// The highest that is asked for, Hz.
+        highest: f64,
+        /// 0.8 of half the sampling rate, Hz.
+        limit: f64,
+    },
+    /// Too few lines to fit a response.
+    #[error(
+        "{lines} lines from {:.1} to {:.1} Hz with a period of {period} s; {needed} are needed", band[0], band[1]
+    )]
+    FewLines {
+        /// How many.
+        lines: usize,
+        /// Needed.
+        needed: usize,
+        /// Lowest and highest, Hz.
+        band: [f64; 2],
+        /// s.
+        period: f64,
+    },
+    /// Excitation that friction swallows where the joint turns back.
+    #[error(
+        "the excitation of {joint} is too small to break its friction: its peak is {peak:.2} N m, Coulomb friction {friction:.2} N m"
+    )]
+    BelowFriction {
+        /// The joint.
+        joint: String,
+        /// N m.
+        peak: f64,
+        /// N m.
+        friction: f64,
+    },
+    /// Limits that leave too few points.
+    #[error(
+        "the limits are too narrow: of {tried} points {found} keep them, {wanted} are needed; most exceed {what}"
+    )]
+    NoPoints {
+        /// Within the limits.
+        found: usize,
+        /// Asked for.
+        wanted: usize,
+        /// Tried.
+        tried: usize,
+        /// What most of the others exceed.
+        what: String,
+    },
+    /// Responses that cannot be computed.
+    #[error("the model's responses cannot be computed: a joint has no inertia to move")]
+    Singular,
+    /// The model's dynamics cannot be computed.
+    #[error(transparent)]
+    Responses(#[from] crate::spectrum::FrfError),
     /// A shape that cannot be.
     #[error("shape {name}: {problem}")]
     Shape {

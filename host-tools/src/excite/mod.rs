@@ -7,7 +7,7 @@
 //! too (`proof`): position, velocity, acceleration, torque and power for all parameters of a stated uncertainty, and what
 //! capsules come near ([`clearance`]).
 //!
-//! The trunk of a robot that stands has a room of its own ([`trunk`]).
+//! The trunk of a robot that stands has a room of its own ([`trunk`]), periodic experiments for frequency responses too ([`frf`]).
 //!
 //! Limbs of a pinned base do not feel each other, and each is designed on its own; they share period and length.
 //!
@@ -36,6 +36,7 @@ pub mod earlier;
 mod error;
 mod feedforward;
 pub mod fourier;
+pub mod frf;
 mod go2;
 mod identifiability;
 mod interval;

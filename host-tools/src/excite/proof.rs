@@ -32,74 +32,93 @@ pub struct Violation {
 }
 
 /// Position, velocity, acceleration of all joints over a stretch.
-struct Stretch {
-    q: Vec<Interval>,
-    dq: Vec<Interval>,
-    ddq: Vec<Interval>,
+pub(super) struct Stretch {
+    pub(super) q: Vec<Interval>,
+    pub(super) dq: Vec<Interval>,
+    pub(super) ddq: Vec<Interval>,
 }
+
+/// A motion as a proof sees it: what the joints may do between `middle` − `half` and `middle` + `half`, s.
+pub(super) type Enclosure<'a> = &'a dyn Fn(f64, f64) -> Stretch;
 
 /// The limits that a motion does not keep, each at its worst; empty if all hold at every instant.
 pub(super) fn violations(problem: &Problem, motion: &Motion) -> Vec<Violation> {
-    let limb = problem.limb.as_ref();
     let bounds: Vec<[f64; 3]> = motion
         .joints
         .iter()
         .map(|series| [2, 3, 4].map(|d| series.derivative_bound(motion.period, d)))
         .collect();
+    let stretch = |middle: f64, half: f64| series_over(motion, &bounds, middle, half);
+    // One period: the others are the same.
+    violations_of(
+        problem,
+        motion.period,
+        &stretch,
+        &vec![0.0; problem.joints()],
+    )
+}
+
+/// The same of any motion of `length` seconds, whose motors give up to `more` (N m) beside what moves the bodies.
+pub(super) fn violations_of(
+    problem: &Problem,
+    length: f64,
+    stretch: Enclosure<'_>,
+    more: &[f64],
+) -> Vec<Violation> {
+    let limb = problem.limb.as_ref();
     let proof = Proof {
         problem,
-        motion,
-        bounds,
+        stretch,
+        more,
         frames: Frames::new(limb),
         reach: problem.limits.clearance.reach(limb),
     };
     let mut found: Vec<Violation> = Vec::new();
-    // One period: the others are the same.
-    let count = (motion.period / STRETCH.0).ceil();
-    let length = motion.period / count;
+    let count = (length / STRETCH.0).ceil();
+    let length = length / count;
     for n in 0..count as usize {
         proof.check((n as f64 + 0.5) * length, length / 2.0, &mut found);
     }
     found
 }
 
+/// A series over a stretch, its derivatives within these bounds.
+fn series_over(motion: &Motion, bounds: &[[f64; 3]], middle: f64, half: f64) -> Stretch {
+    let n = motion.joints.len();
+    let mut of = Stretch {
+        q: Vec::with_capacity(n),
+        dq: Vec::with_capacity(n),
+        ddq: Vec::with_capacity(n),
+    };
+    let bend = half * half / 2.0;
+    for (series, bound) in motion.joints.iter().zip(bounds) {
+        let [q, dq, ddq, jerk] = series.at(motion.period, middle);
+        of.q.push(Interval::around(q, half * dq.abs() + bend * bound[0]));
+        of.dq
+            .push(Interval::around(dq, half * ddq.abs() + bend * bound[1]));
+        of.ddq
+            .push(Interval::around(ddq, half * jerk.abs() + bend * bound[2]));
+    }
+    of
+}
+
 struct Proof<'a> {
     problem: &'a Problem,
-    motion: &'a Motion,
-    /// Of the second to the fourth derivative of each joint's position.
-    bounds: Vec<[f64; 3]>,
+    stretch: Enclosure<'a>,
+    more: &'a [f64],
     frames: Frames,
     reach: Vec<f64>,
 }
 
 impl Proof<'_> {
-    fn stretch(&self, middle: f64, half: f64) -> Stretch {
-        let n = self.motion.joints.len();
-        let mut of = Stretch {
-            q: Vec::with_capacity(n),
-            dq: Vec::with_capacity(n),
-            ddq: Vec::with_capacity(n),
-        };
-        let bend = half * half / 2.0;
-        for (series, bound) in self.motion.joints.iter().zip(&self.bounds) {
-            let [q, dq, ddq, jerk] = series.at(self.motion.period, middle);
-            of.q.push(Interval::around(q, half * dq.abs() + bend * bound[0]));
-            of.dq
-                .push(Interval::around(dq, half * ddq.abs() + bend * bound[1]));
-            of.ddq
-                .push(Interval::around(ddq, half * jerk.abs() + bend * bound[2]));
-        }
-        of
-    }
-
     fn check(&self, middle: f64, half: f64, found: &mut Vec<Violation>) {
-        let stretch = self.stretch(middle, half);
+        let stretch = (self.stretch)(middle, half);
         let beyond = self.beyond(&stretch);
         if beyond.iter().all(|(b, ..)| *b <= 0.0) {
             return;
         }
         if 2.0 * half > STRETCH.1 {
-            let here = self.beyond(&self.stretch(middle, 0.0));
+            let here = self.beyond(&(self.stretch)(middle, 0.0));
             // What is beyond at an instant needs no closer look; what is not may be within on shorter stretches.
             if here.iter().all(|(b, ..)| *b <= 0.0) {
                 self.check(middle - half / 2.0, half / 2.0, found);
@@ -163,7 +182,7 @@ impl Proof<'_> {
                 {
                     torque = torque + term(column, at, rigid) * uncertain(*value);
                 }
-                torque
+                torque + Interval::around(0.0, self.more[c])
             })
             .collect()
     }

@@ -1,7 +1,9 @@
 //! A formula found as a step of a search: fitted with the whole model, and kept by the rule of every step.
 
 use super::candidate::Member;
-use super::criteria::step::{Leaves, does_as_well, does_without, is_held, is_worth_a_step};
+use super::criteria::step::{
+    Leaves, bears_a_drive, does_as_well, does_without, is_held, is_worth_a_step,
+};
 use super::fitted::{Fitted, Step};
 use super::limbs::Limbs;
 use super::search::Found;
@@ -16,28 +18,72 @@ pub(crate) type Asked = (Member, Vec<(usize, f64)>);
 
 impl<'a> Found<Limbs<'a>> {
     /// Adds what a screen of the model at the end asks for; whether the model with it predicts what it has not seen better by what a step is
-    /// worth.
+    /// worth. With it comes what the drives of other joints have, which this joint's could not show before it: beside that, too, it has its worth.
     pub(crate) fn take(&mut self, data: &'a [LimbData<'a>], asked: &Asked) -> bool {
-        let Some(after) = with(data, &self.end, asked) else {
+        let (limb, place) = asked.0;
+        let drive = self.drive_at(limb, place.1);
+        let Some(after) = with(data, &self.end, asked, &drive) else {
             return false;
         };
-        self.put(asked.0, after, false);
+        let told = after.held_out(&self.end);
+        let beside = self.with_drive(&drive);
+        let is_worth = |beside: &State| is_worth_a_step(&told, &beside.held_out(&self.end));
+        if !beside.as_ref().is_none_or(is_worth) {
+            return false;
+        }
+        for member in [asked.0].into_iter().chain(drive) {
+            self.put(member, after.clone(), false);
+        }
         true
     }
 
-    /// The model at the end as it is.
-    pub(crate) fn clone_end(&self) -> State<'a> {
-        self.end.clone()
+    /// Adds what the drives of other joints have to a joint's where the model predicts no worse with it: of a constant torque that the model lacks much
+    /// that changes with time has a part.
+    pub(crate) fn complete_drive(&mut self, limb: usize, joint: usize) {
+        let drive = self.drive_at(limb, joint);
+        let Some(after) = self.with_drive(&drive) else {
+            return;
+        };
+        let [told, before] = [&after, &self.end].map(|of| of.held_out(&self.end));
+        if bears_a_drive(&told, &before) {
+            for member in drive {
+                self.put(member, after.clone(), false);
+            }
+        }
     }
 
-    /// Goes back to the model before the last step.
-    pub(crate) fn undo(&mut self, before: State<'a>) {
+    /// The model with these; none where they are none.
+    fn with_drive(&self, drive: &[Member]) -> Option<State<'a>> {
+        let some = (!drive.is_empty()).then_some(drive)?;
+        self.source.with_members(&self.end, some)
+    }
+
+    /// Plain effects that the model has at other joints and lacks at this one.
+    fn drive_at(&self, limb: usize, joint: usize) -> Vec<Member> {
+        let joints: usize = (0..self.source.limbs())
+            .map(|limb| self.source.joints(limb))
+            .sum();
+        let lacking = self.source.lacking_of_drive(&self.end).into_iter();
+        let some_have = lacking.filter(|members| members.len() < joints);
+        let own = some_have
+            .flatten()
+            .filter(|(l, place)| (*l, place.1) == (limb, joint));
+        own.collect()
+    }
+
+    /// The model at the end as it is, and how many steps led to it.
+    pub(crate) fn clone_end(&self) -> (State<'a>, usize) {
+        (self.end.clone(), self.steps.len())
+    }
+
+    /// Goes back to a model that it was.
+    pub(crate) fn undo(&mut self, (before, steps): (State<'a>, usize)) {
         self.end = before;
-        self.steps.pop();
+        self.steps.truncate(steps);
     }
 
-    /// Takes one effect for all that the search has added at a joint beyond what every drive has, where these are several and the model does as
-    /// well with the one that a screen of the model without them asks for.
+    /// Takes one effect for all that the search has added at a joint beyond what every drive has, where the model does as well with the one that a screen
+    /// of the model without them asks for; where they are one, which has a name, where it does better by what a step is worth.
     pub(crate) fn exchange(
         &mut self,
         data: &'a [LimbData<'a>],
@@ -45,16 +91,20 @@ impl<'a> Found<Limbs<'a>> {
         screen: &dyn Fn(&LimbFit) -> Option<Asked>,
     ) -> Option<Member> {
         let several = self.added_at(limb, joint);
-        if several.len() < 2 {
+        if several.is_empty() {
             return None;
         }
         let mut places = self.end.places();
         places[limb].retain(|place| !several.contains(&(limb, *place)));
         let without = self.end.with(data, &places, &self.end.values(), &[])?;
         let asked = screen(&without.fits[limb])?;
-        let after = with(data, &without, &asked)?;
-        let [one, two] = [&after, &self.end].map(|of| of.held_out(&self.end).weighted);
-        if !does_as_well(one, two) {
+        let after = with(data, &without, &asked, &[])?;
+        let [one, own] = [&after, &self.end].map(|of| of.held_out(&self.end));
+        let stands = match several.len() {
+            1 => is_worth_a_step(&one, &own),
+            _ => does_as_well(one.weighted, own.weighted),
+        };
+        if !stands {
             return None;
         }
         for member in several {
@@ -113,19 +163,23 @@ impl<'a> Found<Limbs<'a>> {
     }
 }
 
-/// A model with an effect more, if it predicts what it has not seen better by what a step is worth, and the effect is more than nothing.
+/// A model with an effect and others `beside` it, if it predicts what it has not seen better by what a step is worth, and the effect is more than nothing.
 fn with<'a>(
     data: &'a [LimbData<'a>],
     model: &State<'a>,
     ((limb, place), values): &Asked,
+    beside: &[Member],
 ) -> Option<State<'a>> {
     let mut start: Vec<Values> = model.values();
-    start[*limb].insert(*place);
+    let new: Vec<Member> = beside.iter().copied().chain([(*limb, *place)]).collect();
+    for (limb, place) in &new {
+        start[*limb].insert(*place);
+    }
     for (n, value) in values {
         let bounds = &place.0.description().parameters[*n];
         start[*limb].set(*place, *n, value.clamp(bounds.lower, bounds.upper));
     }
-    let places = model.places_with(&[(*limb, *place)]);
+    let places = model.places_with(&new);
     let mut after =
         model.with_worthwhile(data, &places, &start, &how_with(&[*place]), &|_| true)?;
     if place.0.description().shape().is_some() {

@@ -11,9 +11,9 @@ use super::record::{Record, TorqueUnit};
 /// A line counts as excited from this share of the largest amplitude.
 const EXCITED: f64 = 0.05;
 /// Excited lines that a fit needs: twice the parameters of one elastic joint.
-const LEAST_LINES: usize = 12;
+pub(crate) const LEAST_LINES: usize = 12;
 /// Lines beyond this share of the Nyquist frequency are refused: the hold's own zero and aliases rule there.
-const HIGHEST: f64 = 0.8;
+pub(crate) const HIGHEST: f64 = 0.8;
 /// A period whose distance from the later ones exceeds theirs by this factor is transient still.
 const TRANSIENT: f64 = 4.0;
 /// By how much of its swing a mean may drift during an experiment.

@@ -24,6 +24,8 @@ const LEAST_ERROR: f64 = 1e-3;
 const FIRST_ERROR: f64 = 0.05;
 /// The longest step of a logarithm.
 const LONGEST_STEP: f64 = 1.0;
+/// Parts of the lines that are left out in turn.
+const TENTHS: usize = 10;
 /// A fit stands when no entry moves by more than this.
 const SETTLED: f64 = 1e-6;
 
@@ -170,8 +172,6 @@ impl Problem<'_> {
 
     /// The groups of data that are left out in turn: blocks of points, or where there is one alone stretches of lines.
     fn leave_out(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<(usize, Group)>> {
-        /// Stretches of lines, where there is one block alone: a tenth of the lines each.
-        const STRETCHES: usize = 10;
         let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
         let mut all = Vec::new();
         for point in 0..self.points.len() {
@@ -182,14 +182,31 @@ impl Problem<'_> {
                     all.push((point, Group { rows }));
                 }
             } else {
-                for k in 0..STRETCHES {
-                    let lines = k * self.used / STRETCHES..(k + 1) * self.used / STRETCHES;
+                for k in 0..TENTHS {
+                    let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
                     let rows = self.rows(point, None, lines, &model, lacking);
                     all.push((point, Group { rows }));
                 }
             }
         }
         Some(all)
+    }
+
+    /// Triangles of a tenth of the lines each, at all points together.
+    fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
+        let points = 0..self.points.len();
+        let models: Option<Vec<_>> = points.map(|p| self.model(p, layout, x)).collect();
+        let models = models?;
+        let empty = DMatrix::zeros(0, layout.unknowns.len() + 1);
+        let tenth = |k: usize| {
+            let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
+            let of = |(p, model): (usize, &Vec<Derived>)| {
+                triangle(self.rows(p, None, lines.clone(), model, lacking))
+            };
+            let parts: Vec<DMatrix<f64>> = models.iter().enumerate().map(of).collect();
+            stacked(parts.iter(), &empty)
+        };
+        Some((0..TENTHS).map(tenth).collect())
     }
 
     /// Weighted squares at x.
@@ -314,15 +331,15 @@ impl Problem<'_> {
         let posterior = &r_inverse * r_inverse.transpose();
         let owners: Vec<usize> = groups.iter().map(|(point, _)| *point).collect();
         let by_group = jackknife(&factors, &(0..groups.len()).collect::<Vec<_>>(), &prior);
-        // What the model lacks at a point is the same in all its blocks.
-        let spread = if self.points.len() > 2 {
-            larger(by_group, &jackknife(&factors, &owners, &prior))
-        } else {
-            by_group
-        };
-        // Priors' own errors move the estimates by C R_pᵀ: what no scatter shows.
-        let rows = prior.view((0, 0), (prior.nrows(), n)).into_owned();
-        let moved = &posterior * rows.transpose();
+        // What the model lacks at a point is the same in all its blocks, and what it lacks about a frequency at all points.
+        let mut spread = by_group;
+        if self.points.len() > 2 {
+            spread = larger(spread, &jackknife(&factors, &owners, &prior));
+        }
+        let tenths = self.tenths(layout, &state.x, lacking)?;
+        let own = (0..tenths.len()).collect::<Vec<_>>();
+        spread = larger(spread, &jackknife(&tenths, &own, &prior));
+        let moved = moved_by_priors(layout, &posterior, &prior);
         let covariance = spread + &moved * moved.transpose();
         let held_out = self.held_out(layout, &state.x, &groups, &factors, &prior)?;
         let all = self.all_residuals(layout, &state.x)?;
@@ -499,7 +516,7 @@ pub(super) fn rms(x: &[f64]) -> f64 {
 }
 
 /// The priors as rows: (x − mean)/std is nothing.
-fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
+pub(super) fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
     let n = layout.unknowns.len();
     let known: Vec<(usize, (f64, f64))> = (layout.priors.iter().enumerate())
         .filter_map(|(k, prior)| prior.map(|p| (k, p)))
@@ -512,8 +529,24 @@ fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
     rows
 }
 
+/// How far the priors' own errors move the estimates, a column each: C R_pᵀ, and where a prior is too sure so many times that. What no scatter shows.
+pub(super) fn moved_by_priors(
+    layout: &Layout,
+    posterior: &DMatrix<f64>,
+    prior: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let n = layout.unknowns.len();
+    let mut rows = prior.view((0, 0), (prior.nrows(), n)).into_owned();
+    let own = layout.priors.iter().zip(&layout.doubts);
+    let doubts = own.filter_map(|(prior, doubt)| prior.map(|_| *doubt));
+    for (mut row, doubt) in rows.row_iter_mut().zip(doubts) {
+        row *= doubt;
+    }
+    posterior * rows.transpose()
+}
+
 /// The triangle of all rows.
-fn stacked<'a>(
+pub(super) fn stacked<'a>(
     parts: impl Iterator<Item = &'a DMatrix<f64>>,
     prior: &'a DMatrix<f64>,
 ) -> DMatrix<f64> {

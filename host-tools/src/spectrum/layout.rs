@@ -31,6 +31,9 @@ pub(super) struct Layout {
     pub(super) unknowns: Vec<Unknown>,
     /// Prior mean and standard deviation of each, in the fit's scale, where it has one.
     pub(super) priors: Vec<Option<(f64, f64)>>,
+    /// By how many of those standard deviations each prior's mean may be off: 1, or more where the deviation is known to be too small. Enters the
+    /// errors, not the fit.
+    pub(super) doubts: Vec<f64>,
     /// What is not estimated and not nothing, in SI units.
     pub(super) fixed: Vec<(Unknown, f64)>,
 }
@@ -55,8 +58,14 @@ impl Layout {
 
     /// Adds an unknown.
     pub(super) fn push(&mut self, of: Unknown, prior: Option<(f64, f64)>) {
+        self.push_doubted(of, prior, 1.0);
+    }
+
+    /// Adds an unknown whose prior is too sure.
+    pub(super) fn push_doubted(&mut self, of: Unknown, prior: Option<(f64, f64)>, doubt: f64) {
         self.unknowns.push(of);
         self.priors.push(prior);
+        self.doubts.push(doubt);
     }
 
     /// Its value in SI units: estimated, fixed or 0.
@@ -114,11 +123,13 @@ pub(super) mod tests {
         let unknowns: Vec<Unknown> = values.iter().map(|(u, _)| *u).collect();
         let x = values.iter().map(|(u, v)| Layout::entry(*u, *v)).collect();
         let priors = vec![None; unknowns.len()];
+        let doubts = vec![1.0; unknowns.len()];
         let fixed = Vec::new();
         (
             Layout {
                 unknowns,
                 priors,
+                doubts,
                 fixed,
             },
             x,

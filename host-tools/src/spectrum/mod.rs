@@ -14,6 +14,7 @@
 //! - `experiments`: spectra of periods, transients left out; what is excited
 //! - `fit`: the weighted fit of logarithms, its errors and what is held out
 //! - `flexible`: the flexible joint model's response and derivatives
+//! - `foreseen`: responses and errors that an experiment will have
 //! - `friction`: dry friction out of the torque
 //! - `layout`: the unknowns of a fit
 //! - `periods`: the period of a log and its periodic stretches
@@ -30,6 +31,7 @@ mod error;
 mod experiments;
 mod fit;
 mod flexible;
+mod foreseen;
 mod friction;
 mod layout;
 mod periods;
@@ -42,4 +44,7 @@ mod start;
 mod text;
 
 pub use error::FrfError;
+pub(crate) use experiments::{HIGHEST, LEAST_LINES};
+pub(crate) use foreseen::{ExpectedSpring, Foreseen};
+pub(crate) use record::even;
 pub use result::{Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf};

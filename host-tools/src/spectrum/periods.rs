@@ -9,8 +9,8 @@ use super::record::Record;
 /// The least autocorrelation at a shift of one period. Of P equal periods in a row that differ from what follows it is (P − 1)/P: two are
 /// 0.5, three 0.67.
 const LEAST_CORRELATION: f64 = 0.5;
-/// Of the shifts that resemble the best as much as this, the shortest is the period: multiples of a period are as good.
-const AS_GOOD: f64 = 0.97;
+/// Shifts that are tried, the shortest first: peaks within a period that lines at nearly equal distances have are fewer.
+const MOST_TRIED: usize = 200;
 /// By how much of its energy a reference may differ from itself one period later: rounding in a text file alone.
 const REFERENCE_TOLERANCE: f64 = 1e-6;
 /// The same of what was measured: noise at a tenth of the signal's power.
@@ -38,22 +38,27 @@ pub(super) fn stretches(record: &Record) -> Result<(usize, Vec<Stretch>), FrfErr
         (&record.reference, "the reference", REFERENCE_TOLERANCE)
     };
     let centred: Vec<Vec<f64>> = signals.iter().map(|x| centred(x)).collect();
-    let period = period(&centred).map_err(|correlation| FrfError::NoPeriod {
+    let candidates = periods(&centred).map_err(|correlation| FrfError::NoPeriod {
         path: record.path.clone(),
         signal: name,
         correlation,
     })?;
-    let all = repeated(&centred, period, tolerance);
-    let longest = all.iter().map(|s| s.periods).max().unwrap_or(0);
-    let long: Vec<Stretch> = all.into_iter().filter(|s| s.periods >= 3).collect();
-    if long.is_empty() {
-        return Err(FrfError::FewPeriods {
-            path: record.path.clone(),
-            periods: longest,
-            seconds: period as f64 * record.dt,
-        });
+    // Lines at equal distances resemble themselves after the inverse of that, nearly: a period is what repeats itself.
+    let (mut longest, mut first) = (0, None);
+    for &period in candidates.iter().take(MOST_TRIED) {
+        let all = repeated(&centred, period, tolerance);
+        longest = longest.max(all.iter().map(|s| s.periods).max().unwrap_or(0));
+        let long: Vec<Stretch> = all.into_iter().filter(|s| s.periods >= 3).collect();
+        if !long.is_empty() {
+            return Ok((period, long));
+        }
+        first = first.or(Some(period));
     }
-    Ok((period, long))
+    Err(FrfError::FewPeriods {
+        path: record.path.clone(),
+        periods: longest,
+        seconds: first.unwrap_or(0) as f64 * record.dt,
+    })
 }
 
 fn centred(x: &[f64]) -> Vec<f64> {
@@ -61,8 +66,8 @@ fn centred(x: &[f64]) -> Vec<f64> {
     x.iter().map(|x| x - mean).collect()
 }
 
-/// The shortest shift at which signals resemble themselves, in samples; or the best correlation, if none is good enough.
-fn period(signals: &[Vec<f64>]) -> Result<usize, f64> {
+/// Shifts at which signals resemble themselves, in samples, the shortest first; or the best correlation, if none is good enough.
+fn periods(signals: &[Vec<f64>]) -> Result<Vec<usize>, f64> {
     let correlation = autocorrelation(signals);
     // Beyond the main lobe, whose width says nothing of a period.
     let Some(lobe) = correlation.iter().position(|c| *c < 0.0) else {
@@ -72,12 +77,13 @@ fn period(signals: &[Vec<f64>]) -> Result<usize, f64> {
     if best < LEAST_CORRELATION {
         return Err(best);
     }
-    let first = (lobe..correlation.len()).find(|&lag| correlation[lag] >= AS_GOOD * best);
-    let mut lag = first.ok_or(best)?;
-    while lag + 1 < correlation.len() && correlation[lag + 1] > correlation[lag] {
-        lag += 1;
-    }
-    Ok(lag)
+    let is_peak = |lag: &usize| {
+        let beside = |other: Option<&f64>| other.is_none_or(|c| *c <= correlation[*lag]);
+        correlation[*lag] >= LEAST_CORRELATION
+            && beside(correlation.get(lag + 1))
+            && beside(correlation.get(lag - 1))
+    };
+    Ok((lobe.max(1)..correlation.len()).filter(is_peak).collect())
 }
 
 /// Autocorrelation of all signals together at shifts of up to half their length, 1 at none; by the spectrum, padded so that it does not
@@ -176,9 +182,16 @@ mod tests {
 
     #[test]
     fn the_shortest_period_is_found_whatever_its_length() {
+        let found = |signal: &[Vec<f64>]| {
+            let repeats = |period: &usize| {
+                let all = repeated(signal, *period, REFERENCE_TOLERANCE);
+                all.iter().any(|s| s.periods >= 3)
+            };
+            periods(signal).unwrap().into_iter().find(repeats)
+        };
         for length in [64, 97, 250] {
             let signal = centred(&multisine(7 * length + 13, length, 0.7));
-            assert_eq!(period(&[signal]), Ok(length));
+            assert_eq!(found(&[signal]), Some(length));
         }
     }
 
@@ -188,8 +201,9 @@ mod tests {
         signal.extend([0.0; 57]);
         signal.extend(multisine(500, 100, 2.3));
         let signal = vec![signal];
-        let length = period(&signal).unwrap();
-        let found = repeated(&signal, length, REFERENCE_TOLERANCE);
+        let of = |length: &usize| (*length, repeated(&signal, *length, REFERENCE_TOLERANCE));
+        let all = periods(&signal).unwrap();
+        let (length, found) = all.iter().map(of).find(|(_, own)| !own.is_empty()).unwrap();
         let expected = [(0, 4), (457, 5)].map(|(first, periods)| Stretch { first, periods });
         assert_eq!((length, &found[..]), (100, &expected[..]));
     }
@@ -202,6 +216,6 @@ mod tests {
             f64::from(state >> 8) / f64::from(1 << 24) - 0.5
         };
         let signal: Vec<f64> = (0..1000).map(|_| noise()).collect();
-        assert!(period(&[signal]).is_err());
+        assert!(periods(&[signal]).is_err());
     }
 }

@@ -200,7 +200,7 @@ fn joint_columns(
 }
 
 /// The sampling period, the first of the table's columns being time.
-fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
+pub(crate) fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
     let gaps = || table.rows.windows(2).map(|two| two[1][0] - two[0][0]);
     let mut sorted: Vec<f64> = gaps().collect();
     sorted.sort_by(f64::total_cmp);

@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use super::flexible::Plant;
 use super::layout::{Layout, Unknown};
 use super::response::Point;
+use super::rigid::doubt;
 use crate::robust::median;
 
 /// A logarithm that nothing is known of but its order: three decades either way at 1σ, so that no fit runs off to nothing.
@@ -118,59 +119,31 @@ pub(super) fn bench_plant() -> Plant {
     }
 }
 
-/// Joints in front of a model's links: unknowns and starts. `armature` and `viscous` are what the model knows of each.
+/// What the model knows of the joints' drives, and how far the links' masses may be off.
+pub(super) struct Drives<'a> {
+    pub(super) armature: &'a [Known],
+    pub(super) viscous: &'a [Known],
+    /// Of each rigid direction of the plants.
+    pub(super) doubts: &'a [f64],
+}
+
+/// Joints in front of a model's links: unknowns and starts, springs by the antiresonances of the measured responses.
 pub(super) fn joints(
     points: &[&Point],
     plants: &[Plant],
     omega: &[f64],
-    armature: &[Known],
-    viscous: &[Known],
+    drives: &Drives<'_>,
 ) -> (Layout, Vec<Vec<f64>>) {
-    let n = armature.len();
-    let mut layout = Layout::default();
-    let mut start = Vec::new();
-    let mut push = |unknown: Unknown, value: f64, prior: Option<f64>| {
-        let entry = Layout::entry(unknown, value);
-        let std = prior.unwrap_or(if unknown.is_log() { DECADES } else { DELAY });
-        layout.push(unknown, Some((entry, std)));
-        start.push(entry);
-    };
-    for i in 0..n {
-        let inertia = plants.iter().map(|p| p.inertia[(i, i)]).sum::<f64>() / plants.len() as f64;
-        let place = minima(&inverse_inertia(points, omega, i), omega)
-            .first()
-            .copied();
-        let place = place.unwrap_or(omega[omega.len() / 2]);
-        let stiffness = inertia * place * place;
-        push(Unknown::Stiffness(i), stiffness, None);
-        push(
-            Unknown::Damping(i),
-            2.0 * DAMPING_RATIO * stiffness / place,
-            None,
-        );
-        // Viscous friction of slow motion need not hold here: it only says where to begin.
-        let slow = 1e-2 * inertia * omega[0];
-        push(
-            Unknown::Viscous(i),
-            viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow)),
-            None,
-        );
-        match armature[i] {
-            Some((value, std)) if value > 0.0 => {
-                push(
-                    Unknown::Armature(i),
-                    value,
-                    Some((std / value).clamp(1e-3, DECADES)),
-                );
-            }
-            _ => push(Unknown::Armature(i), 0.3 * inertia, None),
-        }
-    }
-    push(Unknown::Delay, 0.0, None);
-    let directions = plants.first().map_or(0, |p| p.rigid.len());
-    for m in 0..directions {
-        push(Unknown::Rigid(m), 0.0, Some(1.0));
-    }
+    let springs: Vec<[f64; 2]> = (0..drives.armature.len())
+        .map(|i| {
+            let place = minima(&inverse_inertia(points, omega, i), omega)
+                .first()
+                .copied();
+            let place = place.unwrap_or(omega[omega.len() / 2]);
+            spring_at(mean_inertia(plants, i), place)
+        })
+        .collect();
+    let (layout, start) = around(&springs, plants, omega, drives);
     // Springs half and twice as stiff: a minimum may be a neighbour's.
     let starts = [1.0, 0.5, 2.0].map(|factor: f64| {
         let scaled = layout.unknowns.iter().zip(&start);
@@ -181,6 +154,55 @@ pub(super) fn joints(
         scaled.map(entry).collect::<Vec<f64>>()
     });
     (layout, starts.into())
+}
+
+/// H of a link, mean over points.
+pub(super) fn mean_inertia(plants: &[Plant], i: usize) -> f64 {
+    plants.iter().map(|p| p.inertia[(i, i)]).sum::<f64>() / plants.len().max(1) as f64
+}
+
+/// Stiffness and damping with which a link of this inertia swings against a motor that is held at `place`, rad/s.
+pub(super) fn spring_at(inertia: f64, place: f64) -> [f64; 2] {
+    let stiffness = inertia * place * place;
+    [stiffness, 2.0 * DAMPING_RATIO * stiffness / place]
+}
+
+/// Unknowns, and a start at these springs (stiffness, damping).
+pub(super) fn around(
+    springs: &[[f64; 2]],
+    plants: &[Plant],
+    omega: &[f64],
+    drives: &Drives<'_>,
+) -> (Layout, Vec<f64>) {
+    let mut layout = Layout::default();
+    let mut start = Vec::new();
+    let mut push = |unknown: Unknown, value: f64, prior: Option<f64>, doubt: f64| {
+        let entry = Layout::entry(unknown, value);
+        let std = prior.unwrap_or(if unknown.is_log() { DECADES } else { DELAY });
+        layout.push_doubted(unknown, Some((entry, std)), doubt);
+        start.push(entry);
+    };
+    for (i, &[stiffness, damping]) in springs.iter().enumerate() {
+        let inertia = mean_inertia(plants, i);
+        push(Unknown::Stiffness(i), stiffness, None, 1.0);
+        push(Unknown::Damping(i), damping, None, 1.0);
+        // Viscous friction of slow motion need not hold here: it only says where to begin.
+        let slow = 1e-2 * inertia * omega[0];
+        let viscous = drives.viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow));
+        push(Unknown::Viscous(i), viscous, None, 1.0);
+        match drives.armature[i] {
+            Some((value, std)) if value > 0.0 => {
+                let std = (std / value).clamp(1e-3, DECADES);
+                push(Unknown::Armature(i), value, Some(std), doubt(1.0, std));
+            }
+            _ => push(Unknown::Armature(i), 0.3 * inertia, None, 1.0),
+        }
+    }
+    push(Unknown::Delay, 0.0, None, 1.0);
+    for (m, doubt) in drives.doubts.iter().enumerate() {
+        push(Unknown::Rigid(m), 0.0, Some(1.0), *doubt);
+    }
+    (layout, start)
 }
 
 /// The same without springs: stiff ones, fixed.
@@ -212,11 +234,11 @@ pub(super) fn rigid(
             Unknown::Damping(_) | Unknown::LinkViscous(_) => {}
             Unknown::Armature(0) if layout.has(Unknown::LinkInertia) => {
                 let link = layout.value(start, Unknown::LinkInertia);
-                own.push(*unknown, layout.priors[n]);
+                own.push_doubted(*unknown, layout.priors[n], layout.doubts[n]);
                 x.push((start[n].exp() + link).ln());
             }
             _ => {
-                own.push(*unknown, layout.priors[n]);
+                own.push_doubted(*unknown, layout.priors[n], layout.doubts[n]);
                 x.push(start[n]);
             }
         }

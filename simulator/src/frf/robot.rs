@@ -141,44 +141,69 @@ impl Robot {
         inertia
     }
 
-    /// Moves through a sampling period at these motor torques. The inertia matrix is that of its beginning.
+    /// Moves through a sampling period at these motor torques. The inertia matrix is that of its middle, so that it neither leads nor lags.
     pub(super) fn advance(&mut self, torque: &[f64], period: f64, steps: usize) {
         let n = torque.len();
-        if let Some(inverse) = self.inertia(&self.link[0]).try_inverse() {
+        let links = self.link[0].iter().zip(&self.link[1]);
+        let middle: Vec<f64> = links.map(|(q, v)| q + 0.5 * period * v).collect();
+        if let Some(inverse) = self.inertia(&middle).try_inverse() {
             self.inverse = inverse;
         }
         let dt = period / steps as f64;
-        let zero = vec![0.0; n];
         let half = |[q, v]: &mut [Vec<f64>; 2]| {
             for (q, v) in q.iter_mut().zip(v.iter()) {
                 *q += 0.5 * dt * v;
             }
         };
+        let zero = vec![0.0; n];
         for _ in 0..steps {
             half(&mut self.motor);
             half(&mut self.link);
-            let spring: Vec<f64> = (0..n)
-                .map(|j| {
-                    let [k, d] = self.spring[j];
-                    k * (self.motor[0][j] - self.link[0][j])
-                        + d * (self.motor[1][j] - self.link[1][j])
-                })
-                .collect();
             let bias = self.torques(&self.link[0], &self.link[1], &zero);
-            let force = DVector::from_fn(n, |j, _| spring[j] - bias[j]);
-            let acceleration = &self.inverse * force;
-            for j in 0..n {
-                self.link[1][j] += dt * acceleration[j];
-                let joint = &self.joints[j];
-                let by = dt / self.armature[j];
-                let v = &mut self.motor[1][j];
-                // Friction with the velocity at the end, which keeps it stable and lets it stick.
-                let free = (*v + by * (torque[j] - spring[j])) / (1.0 + by * joint.viscous);
-                let dry = by * joint.coulomb;
-                *v = free - free.clamp(-dry, dry);
+            let speed = [0, 1].map(|of| [&self.motor, &self.link][of][1].clone());
+            // Dampers see the velocity of the step's middle, as springs see its position: that of its beginning would be half a step late, as
+            // if the spring were stiffer by ω² d Δt/2. The first pass finds the velocity at the end, the second uses the mean.
+            let mut ends = speed.clone();
+            for _ in 0..2 {
+                let stretch: Vec<f64> = (0..n)
+                    .map(|j| 0.5 * (speed[0][j] + ends[0][j] - speed[1][j] - ends[1][j]))
+                    .collect();
+                ends = self.kicked(&speed, &stretch, &bias, torque, dt);
             }
+            let [motor, link] = ends;
+            (self.motor[1], self.link[1]) = (motor, link);
             half(&mut self.motor);
             half(&mut self.link);
         }
+    }
+
+    /// Velocities of motors and links `dt` later, springs being stretched at these speeds.
+    fn kicked(
+        &self,
+        speed: &[Vec<f64>; 2],
+        stretch: &[f64],
+        bias: &[f64],
+        torque: &[f64],
+        dt: f64,
+    ) -> [Vec<f64>; 2] {
+        let n = torque.len();
+        let spring: Vec<f64> = (0..n)
+            .map(|j| {
+                let [k, d] = self.spring[j];
+                k * (self.motor[0][j] - self.link[0][j]) + d * stretch[j]
+            })
+            .collect();
+        let force = DVector::from_fn(n, |j, _| spring[j] - bias[j]);
+        let acceleration = &self.inverse * force;
+        let link = (0..n).map(|j| speed[1][j] + dt * acceleration[j]);
+        let motor = (0..n).map(|j| {
+            let joint = &self.joints[j];
+            let by = dt / self.armature[j];
+            // Friction with the velocity at the end, which keeps it stable and lets it stick.
+            let free = (speed[0][j] + by * (torque[j] - spring[j])) / (1.0 + by * joint.viscous);
+            let dry = by * joint.coulomb;
+            free - free.clamp(-dry, dry)
+        });
+        [motor.collect(), link.collect()]
     }
 }

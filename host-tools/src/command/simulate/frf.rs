@@ -1,17 +1,18 @@
 //! `proprio simulate --frf`: a robot with elastic joints whose springs are known, excited by multisines.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::Args;
 use clap::error::ErrorKind;
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proprio_core::inertia::InertialParameters;
 use proprio_simulator::TrueValue;
-use proprio_simulator::frf::{ElasticJoint, FrfSample, FrfSimulation};
+use proprio_simulator::frf::{ElasticJoint, FrfCommand, FrfSample, FrfSimulation};
 use serde::Serialize;
 
 use super::super::{Error, json, usage_error};
-use super::{Report, Simulate, suggest, within, written};
+use super::{Report, Simulate, suggest, written};
+use crate::excite::Command;
+use crate::excite::frf::{FrfPlan, USUAL_EFFORT, design};
 use crate::model::{JointKind, Model};
 use crate::name;
 use crate::output::{self, WriteError};
@@ -19,35 +20,10 @@ use crate::progress::Progress;
 
 /// What may be hidden.
 pub(super) const HIDDEN: [&str; 4] = ["elasticity", "armature", "viscous", "coulomb"];
-/// Effort of a joint whose description does not state one, N m.
-const EFFORT: f64 = 100.0;
 /// Length of the slow log, s.
 const SLOW: f64 = 60.0;
 /// Damping of a spring for which none is said, as a share of its stiffness, s.
 const DAMPING: f64 = 1e-3;
-
-/// What `--frf` takes.
-#[derive(Debug, Args)]
-pub(super) struct ExperimentArguments {
-    /// Points at which the robot is excited, of --frf
-    #[arg(long, value_name = "N", requires = "frf", default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..1000))]
-    points: u32,
-    /// Blocks of random phases at each point, of --frf: each has as many experiments as joints
-    #[arg(long, value_name = "N", requires = "frf", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..1000))]
-    blocks: u32,
-    /// Periods of each experiment, of --frf; the first is transient
-    #[arg(long, value_name = "N", requires = "frf", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..1000))]
-    periods: u32,
-    /// Length of a period, of --frf
-    #[arg(long, value_name = "S", requires = "frf", default_value_t = 2.0, value_parser = within(0.1, 100.0))]
-    period: f64,
-    /// Excitation as a multiple of what friction and effort suggest, of --frf
-    #[arg(long, value_name = "FACTOR", requires = "frf", default_value_t = 1.0, value_parser = within(0.0, 100.0))]
-    excitation: f64,
-    /// Also write a log of slow motion of the same robot: for `identify`, whose friction and masses `frf` needs
-    #[arg(long, value_name = "LOG", requires = "frf")]
-    slow: Option<PathBuf>,
-}
 
 /// What the truth file holds; parameters are named as `frf` and `identify` name them.
 #[derive(Debug, Serialize)]
@@ -58,30 +34,44 @@ struct Truth {
 }
 
 impl Simulate {
-    /// Points, blocks and experiments, one after the other.
+    /// Points, blocks and experiments, one after the other: as they are planned here, or in a file.
     pub(super) fn excite(self) -> Result<Report, Error> {
         let Some(model) = &self.model else {
             let message = "--frf needs the robot: -m MODEL".to_owned();
             usage_error("simulate", ErrorKind::MissingRequiredArgument, message)
         };
-        let simulation = self.excited(&Model::load(model)?);
+        let model = Model::load(model)?;
+        let (plan, violation) = self.plan(&model)?;
+        let simulation = self.excited(&model, plan.rate);
         if let Some((joint, f)) = simulation.too_fast() {
             let message = format!(
                 "the spring or damper of {joint} is too stiff to simulate: its resonance is at {f:.0} Hz, and joints without `elasticity` are at 120 Hz"
             );
             usage_error("simulate", ErrorKind::ValueValidation, message);
         }
+        if let Some(violation) = violation {
+            return Err(Error::NotWithinLimits(violation));
+        }
         let second = self.second_encoder;
-        let duration =
-            f64::from(self.experiments.periods * self.experiments.blocks * self.experiments.points)
-                * self.experiments.period
-                * simulation.joints.len() as f64;
-        let samples = write_log(&self.output, &simulation, second, true, |sample| {
-            simulation.record(sample)
-        })?;
-        let slow = &self.experiments.slow;
-        if let Some(slow) = slow {
-            write_log(slow, &simulation, second, false, |sample| {
+        let duration = plan.commands.len() as f64 / plan.rate;
+        let commands = plan.commands.into_iter().map(|(command, reference)| {
+            let Command { q, dq, tau, .. } = command;
+            FrfCommand {
+                q,
+                dq,
+                tau,
+                reference,
+            }
+        });
+        let samples = write_log(
+            &self.output,
+            &simulation,
+            [second, true],
+            duration,
+            |sample| simulation.play(&plan.gains, commands, sample),
+        )?;
+        if let Some(slow) = &self.slow {
+            write_log(slow, &simulation, [second, false], SLOW, |sample| {
                 simulation.record_slow(SLOW, sample)
             })?;
         }
@@ -101,14 +91,37 @@ impl Simulate {
             legs: Vec::new(),
             samples,
             duration,
-            slow: self.experiments.slow,
+            slow: self.slow,
             poses: None,
             seed: self.seed,
         })
     }
 
+    /// What is played, and the first limit that it does not keep. A plan that is read was proved when it was made.
+    fn plan(&self, model: &Model) -> Result<(FrfPlan, Option<String>), Error> {
+        if let Some(path) = &self.follow {
+            if self.experiments.any() || self.period.is_some() {
+                let message =
+                    "--follow plays a plan as it is: leave out --points, --blocks, --periods, --period, --band, --excitation"
+                        .to_owned();
+                usage_error("simulate", ErrorKind::ArgumentConflict, message);
+            }
+            return Ok((FrfPlan::read(path, model)?, None));
+        }
+        let settings = self.experiments.settings(self.period, self.rate, self.seed);
+        let limbs = model.robot().limbs();
+        let own = design(model, &limbs, &settings)?;
+        let violation = own.violations.first().cloned();
+        let plan = FrfPlan {
+            rate: own.rate,
+            gains: own.gains.clone(),
+            commands: own.commands().collect(),
+        };
+        Ok((plan, violation))
+    }
+
     /// The robot of the model with what is hidden.
-    fn excited(&self, model: &Model) -> FrfSimulation {
+    fn excited(&self, model: &Model, rate: f64) -> FrfSimulation {
         let joints = model.robot().bodies().iter().enumerate().map(|(b, body)| {
             let rotation = Rotation3::from_matrix_unchecked(body.placement.rotation);
             let phi = model.inertia(b);
@@ -126,7 +139,7 @@ impl Simulate {
                 effort: if body.effort.is_finite() && body.effort > 0.0 {
                     body.effort
                 } else {
-                    EFFORT
+                    USUAL_EFFORT
                 },
                 mass: phi.mass(),
                 com,
@@ -142,13 +155,8 @@ impl Simulate {
         FrfSimulation {
             joints,
             down: model.base().rotation.tr_mul(&-Vector3::z()),
-            points: self.experiments.points as usize,
-            blocks: self.experiments.blocks as usize,
-            periods: self.experiments.periods as usize,
-            period: self.experiments.period,
-            rate: self.rate,
+            rate,
             inertia_error: self.inertia_error,
-            excitation: self.experiments.excitation,
             noise: self.noise,
             seed: self.seed,
         }
@@ -220,8 +228,8 @@ fn parse(text: &str) -> Result<(&'static str, Option<String>, [f64; 2]), String>
 fn write_log(
     path: &Path,
     simulation: &FrfSimulation,
-    second_encoder: bool,
-    reference: bool,
+    [second_encoder, reference]: [bool; 2],
+    seconds: f64,
     record: impl FnOnce(&mut dyn FnMut(&FrfSample) -> Result<(), WriteError>) -> Result<(), WriteError>,
 ) -> Result<u64, Error> {
     let mut channels = vec!["q", "dq", "tau"];
@@ -239,8 +247,6 @@ fn write_log(
             header.extend(joints().map(|joint| format!(",{channel}/{joint}")));
         }
         writeln!(out, "{header}").map_err(unwritable)?;
-        let experiments = simulation.points * simulation.blocks * simulation.joints.len();
-        let total = (experiments * simulation.periods) as f64 * simulation.period;
         let mut samples = 0;
         record(&mut |sample| {
             write!(out, "{:.6}", sample.t).map_err(unwritable)?;
@@ -258,7 +264,7 @@ fn write_log(
             }
             writeln!(out).map_err(unwritable)?;
             samples += 1;
-            progress.set((sample.t * 1e3) as u64, (total * 1e3) as u64);
+            progress.set((sample.t * 1e3) as u64, (seconds * 1e3) as u64);
             Ok(())
         })?;
         Ok(samples)

@@ -13,7 +13,8 @@ pub(super) const EXAMPLES: &str = "Examples:
   proprio simulate --typical --hide 'FR_calf: 0.3*q*sign(dq)' -o unknown.csv
   proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv
   proprio simulate --poses 30 -m arm.toml --hide elasticity:A2=2e6 -o poses.csv
-  proprio simulate --frf -m arm.toml --hide elasticity:elbow=500,damping=0.5 --hide coulomb=1 --slow slow.csv -o frf.csv";
+  proprio simulate --frf -m arm.toml --hide elasticity:elbow=500,damping=0.5 --hide coulomb=1 --slow slow.csv -o frf.csv
+  proprio simulate --frf --follow plan.csv -m arm.toml --hide elasticity:elbow=500 -o frf.csv";
 
 /// Examples, then every effect with its parameters.
 pub(super) fn long_help() -> String {

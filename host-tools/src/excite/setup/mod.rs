@@ -146,6 +146,40 @@ impl Setup {
     }
 }
 
+/// A limb's bodies, what is known of its joints, and what limits them: without anything to search for.
+pub(super) fn bare_problem(
+    model: &Model,
+    limb: &model::Limb,
+    settings: &Settings,
+    alone: bool,
+) -> Result<Problem, ExciteError> {
+    let of = Design {
+        model,
+        limb,
+        settings,
+    };
+    let body = of.dynamics()?;
+    let joints = body.joints();
+    Ok(Problem {
+        theta: of.theta(),
+        known: of.known(),
+        columns: Vec::new(),
+        scale: DMatrix::zeros(INERTIAL * joints, 0),
+        weights: vec![1.0; joints],
+        repeats: 1.0,
+        earlier: None,
+        basis: Basis::new(
+            settings.period,
+            settings.harmonics,
+            settings.ends,
+            LEAST_SAMPLES,
+        ),
+        pose: of.pose(alone)?,
+        limits: of.limits(alone)?,
+        limb: body,
+    })
+}
+
 impl Design<'_> {
     fn dynamics(&self) -> Result<Box<dyn Limb>, ExciteError> {
         limb::of(self.model, self.limb)

@@ -32,7 +32,8 @@ impl Look<'_> {
     /// of squares of all data and of the priors falls, less ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler
     /// rival that is there even beside the best goes before it: a load on a calf swings with it as its rotor turns. Not so where both act by
     /// weight, or as a scale of the torque does, and the simpler one asks bodies to be farther from the CAD than it saves: an offset of an
-    /// encoder is like another inertia of what it turns. What a delay too small to be resolved explains better, and all of it, is none.
+    /// encoder is like another inertia of what it turns. Nor do springs and plays between motors and links, whose columns are of hardly any motion and
+    /// resemble all that a link does. What a delay too small to be resolved explains better, and all of it, is none.
     pub(crate) fn best<'o>(&self, open: &[&'o Candidate]) -> Option<&'o Candidate> {
         let late: Vec<&Candidate> = (self.all.iter())
             .filter(|c| is_unresolved_delay(c))
@@ -70,6 +71,7 @@ impl Look<'_> {
                 && c.parameters() < best.parameters()
                 && c.effect != best.effect
                 && c.meets(best)
+                && !c.effect.description().is_compliant()
                 && c.gain().0 >= RIVAL * best.gain().0
                 && !(looks_like_weight(c, best) && worth(c) < worth(best))
         });

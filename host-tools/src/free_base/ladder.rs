@@ -1,0 +1,48 @@
+//! What every result of walks is held against, in the equations that contact forces leave: as [`crate::detect::ladder`] of a held base.
+
+use nalgebra::DVector;
+
+use super::data::Data;
+use super::error::FreeBaseError;
+use super::fit::bare;
+use super::structure::ModelStructure;
+use crate::detect::ladder::{WALK, Yardsticks};
+use crate::model::Model;
+
+/// The parameters of no model, of the CAD, and of the model file as it is given; what sensors get wrong is fitted to all but the first.
+pub(crate) fn walk_rungs(data: &Data, file: &Model) -> Result<[DVector<f64>; 3], FreeBaseError> {
+    let cad = ModelStructure::of(&file.bare())?;
+    let as_given = given(data, file, &ModelStructure::of(file)?);
+    Ok([
+        DVector::zeros(data.columns().len()),
+        data.with_sensors(&bare(data, &cad)),
+        data.with_sensors(&as_given),
+    ])
+}
+
+/// The errors of those over all equations.
+pub(crate) fn walk_yardsticks(data: &Data, rungs: &[DVector<f64>; 3]) -> Yardsticks {
+    let [zero_rms, cad_rms, given_rms] = rungs.each_ref().map(|theta| data.rms(theta));
+    Yardsticks {
+        zero_rms,
+        cad_rms,
+        given_rms,
+        floor_unknown: Some(WALK),
+        ..Yardsticks::default()
+    }
+}
+
+/// The parameters that a model file gives; what has no value does nothing.
+pub(crate) fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
+    let mut theta = bare(data, structure);
+    for (k, n, linear) in data.columns().effects() {
+        let place = data.columns().sites[n].place;
+        // A load is in its body.
+        let own = model
+            .effect(place.0, place.1)
+            .filter(|_| structure.has(place));
+        let value = own.and_then(|own| own.estimates[linear.parameter]);
+        theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
+    }
+    theta
+}
