@@ -186,36 +186,3 @@ fn commands_agree_on_a_chirp() {
     let folder = folder();
     of_three_models(folder.path(), log.to_str().unwrap(), None);
 }
-
-/// A walk, under the CAD and under the file that was fitted to it: the same equations, whatever the model has.
-#[test]
-fn commands_agree_on_a_walk() {
-    let folder = simulated("--walk trot --typical --inertia-error 0.03 --duration 8");
-    let folder = folder.path();
-    let walk = ["log.csv", "--free-base"];
-    let fit = [&["identify"][..], &walk, &["-o", "fitted.toml"]].concat();
-    done(folder, &fit);
-    let mut windows = Vec::new();
-    for model in [None, Some("fitted.toml")] {
-        let file: Vec<&str> = model.iter().flat_map(|file| ["-m", *file]).collect();
-        let say = |command: &str, more: &[&str]| {
-            json(&done(
-                folder,
-                &[&[command][..], &walk, &["--json"], more, &file].concat(),
-            ))
-        };
-        let compare = say("compare", &["--given"]);
-        for other in [say("diagnose", &[]), say("identify", &[])] {
-            for key in ["zero_rms", "cad_rms", "given_rms"] {
-                let [x, y] = [&compare, &other].map(|of| of[key].as_f64().unwrap());
-                assert!((x - y).abs() <= 1e-9, "{model:?} {key}: {x}, {y}");
-            }
-            let [x, y] = [&compare["given_rms"], &other["error"]["before"]];
-            let difference = x.as_f64().unwrap() - y.as_f64().unwrap();
-            assert!(difference.abs() <= 1e-9, "{model:?} before: {x}, {y}");
-            assert_eq!(compare["windows"], other["windows"]);
-        }
-        windows.push(compare["windows"]["used"].clone());
-    }
-    assert_eq!(windows[0], windows[1], "which windows count is the log's");
-}

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::DVector;
 use serde::Serialize;
 
 use super::asked::{Asked, names};
@@ -12,8 +13,8 @@ use crate::detect::residual;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::doubtful;
+use crate::free_base::fit::bare;
 use crate::free_base::free_tree::OF_BASE;
-use crate::free_base::ladder::{given, walk_rungs, walk_yardsticks};
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
@@ -93,7 +94,7 @@ pub fn compare_free_base_without(
     let walks = Walks::read(logs, (model, &robot), progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
     let candidates = structure.candidates(model);
-    let (data, structure) = Data::believed(&walks, (model, structure), &candidates)?;
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     let judged = |model: &Model, structure: &ModelStructure| {
         if asked.fitted {
             let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;
@@ -202,6 +203,29 @@ pub fn compare_free_base_without(
     })
 }
 
+/// What every result of a walk is held against: no model, the CAD, the model file as it is given.
+pub(crate) fn walk_rungs(data: &Data, file: &Model) -> Result<[DVector<f64>; 3], FreeBaseError> {
+    let cad = ModelStructure::of(&file.bare())?;
+    let as_given = given(data, file, &ModelStructure::of(file)?);
+    Ok([
+        DVector::zeros(data.columns().len()),
+        data.with_sensors(&bare(data, &cad)),
+        data.with_sensors(&as_given),
+    ])
+}
+
+/// The errors of those over all equations.
+pub(crate) fn walk_yardsticks(data: &Data, rungs: &[DVector<f64>; 3]) -> Yardsticks {
+    let [zero_rms, cad_rms, given_rms] = rungs.each_ref().map(|theta| data.rms(theta));
+    Yardsticks {
+        zero_rms,
+        cad_rms,
+        given_rms,
+        floor_unknown: Some(WALK),
+        ..Yardsticks::default()
+    }
+}
+
 /// No equation yet.
 fn empty_series(robot: &Legged) -> Vec<JointSeries> {
     let series = |joint: &String| JointSeries {
@@ -209,6 +233,21 @@ fn empty_series(robot: &Legged) -> Vec<JointSeries> {
         ..JointSeries::default()
     };
     robot.names.iter().map(series).collect()
+}
+
+/// The parameters that a model file gives; what has no value does nothing.
+fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
+    let mut theta = bare(data, structure);
+    for (k, n, linear) in data.columns().effects() {
+        let place = data.columns().sites[n].place;
+        // A load is in its body.
+        let own = model
+            .effect(place.0, place.1)
+            .filter(|_| structure.has(place));
+        let value = own.and_then(|own| own.estimates[linear.parameter]);
+        theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
+    }
+    theta
 }
 
 fn coordinates(left: &[Left], robot: &Legged) -> Vec<CoordinateError> {

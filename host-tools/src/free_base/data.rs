@@ -327,20 +327,9 @@ pub(super) struct Readings {
 impl Readings {
     /// Of these windows, at the parameters that rows are made at.
     pub(super) fn of(walks: &Walks, windows: WindowsOfAll, setup: &RowSetup) -> Self {
-        Self::of_columns(walks, windows, setup, &setup.columns)
-    }
-
-    /// The same for rows with other columns.
-    pub(super) fn of_columns(
-        walks: &Walks,
-        windows: WindowsOfAll,
-        setup: &RowSetup,
-        columns: &WalkColumns,
-    ) -> Self {
         let logs = walks.walks.iter().zip(&*windows);
-        let moved = logs.map(|((walk, stance), windows)| {
-            MovedReadings::of((walk, stance), setup, columns, windows)
-        });
+        let moved =
+            logs.map(|((walk, stance), windows)| MovedReadings::of(walk, stance, setup, windows));
         Self {
             moved: Arc::new(moved.collect()),
             windows,

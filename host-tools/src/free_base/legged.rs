@@ -148,12 +148,11 @@ impl Legged {
         sensor_std[sensors::PLACE..][..3].fill(imu.place_std);
         sensor_std[sensors::RADIUS] = feet.iter().map(|foot| foot.radius_std).fold(0.0, f64::max);
         let armature = |joint: usize| {
-            // A data sheet's before a fit's: which feet carry a force does not depend on what was fitted.
-            let motor = robot.bodies()[joint].motor;
-            let of_motor = motor.map(|motor| motor.gear * motor.gear * motor.rotor_inertia);
             let own = model.effect(EffectKind::Armature, joint);
             let stated = own.and_then(|own| own.estimate()).map(|own| own.value);
-            of_motor.or(stated).unwrap_or(0.0)
+            let motor = robot.bodies()[joint].motor;
+            let of_motor = motor.map(|motor| motor.gear * motor.gear * motor.rotor_inertia);
+            stated.or(of_motor).unwrap_or(0.0)
         };
         let limits = robot.bodies().iter().map(|body| Limits {
             position: [body.limits[0] - 1.0, body.limits[1] + 1.0],

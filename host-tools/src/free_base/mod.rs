@@ -18,7 +18,7 @@
 //!    `unseen`: those of a foot that is taken to be in the air and is not. `data`: the rows as one factor per block of time.
 //! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `doubtful`: sensors that are found farther
 //!    off than is believed of them. `refinement`: rows made near the fit, without the windows that
-//!    are outside, and without priors that they refute. `ladder`: what every result is held against. `expected`: what a motion would tell before it is played.
+//!    are outside, and without priors that they refute. `expected`: what a motion would tell before it is played.
 
 pub(crate) mod channels;
 pub(crate) mod columns;
@@ -29,7 +29,6 @@ pub(crate) mod expected;
 pub(crate) mod fit;
 pub(crate) mod free_tree;
 mod gravity;
-pub(crate) mod ladder;
 pub(crate) mod legged;
 mod moved_readings;
 mod outside;

@@ -1,7 +1,7 @@
 //! Columns of what moves the readings: what an equation leaves if the readings are moved a little, less what it leaves as they are.
 //! So rows are made at parameters near the fit's (`refinement`).
 
-use super::columns::{SENSORS, WalkColumns};
+use super::columns::SENSORS;
 use super::residual::{impulses, residuals};
 use super::row_setup::RowSetup;
 use super::sensors::{MOVED, Sensors, offsets};
@@ -28,21 +28,21 @@ pub(super) struct MovedReadings {
 }
 
 impl MovedReadings {
-    /// Of these windows, at the parameters of `setup`, for rows of these `columns`.
+    /// Of these windows, at the parameters that rows are made at.
     pub(super) fn of(
-        (walk, stance): (&Walk, &Stance),
+        walk: &Walk,
+        stance: &Stance,
         setup: &RowSetup,
-        columns: &WalkColumns,
         windows: &[WindowSamples],
     ) -> Self {
         let at = &setup.sensors;
-        let acc = columns.acc();
+        let acc = setup.columns.acc();
         let sensors = (MOVED..SENSORS).map(|k| {
             let mut moved = at.clone();
             moved.values[k] += STEP[k - MOVED];
             (acc + k, STEP[k - MOVED], moved)
         });
-        let encoders = offsets(columns).map(|(k, joint)| {
+        let encoders = offsets(&setup.columns).map(|(k, joint)| {
             let mut moved = at.clone();
             moved.offsets[joint] += OFFSET_STEP;
             (k, OFFSET_STEP, moved)

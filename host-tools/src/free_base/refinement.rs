@@ -15,7 +15,6 @@ use super::structure::ModelStructure;
 use super::unseen;
 use super::walk::Walk;
 use super::walks::Walks;
-use crate::model::Model;
 
 /// Fits at most that tell which windows are outside: the first is spoilt by these.
 const ROUNDS: usize = 3;
@@ -24,41 +23,52 @@ impl Data {
     /// The rows, and the structure with as much of its prior as they do not refute (`doubtful`).
     pub(crate) fn believed(
         walks: &Walks,
-        (model, structure): (&Model, ModelStructure),
+        structure: ModelStructure,
         candidates: &[EffectSite],
     ) -> Result<(Self, ModelStructure), FreeBaseError> {
-        let data = Self::of(walks, (model, &structure), candidates)?;
+        let data = Self::of(walks, &structure, candidates)?;
         match doubtful::refuted(&structure, data.columns(), data.made_at()) {
             None => Ok((data, structure)),
-            Some(open) => Ok((Self::of(walks, (model, &open), candidates)?, open)),
+            Some(open) => Ok((Self::of(walks, &open, candidates)?, open)),
         }
     }
 
-    /// Makes the rows twice: the sensors' columns are derivatives, at first at the CAD's masses, then at a fit of every torque that a joint may have
-    /// and a load on every body. Again where that fit leaves far more of some windows than of others: these spoilt it, and are left out.
-    ///
-    /// That fit knows of `structure` what no such torque is (a gain, an encoder's zero) and nothing else: which windows count and where rows are made
-    /// does not depend on how complete a model is, so that all commands and all models tell the errors of the same equations. The rows have columns of
-    /// `structure` and of its `candidates`.
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
+    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
+    /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that
+    /// commands that name a model's error need the same candidates.
     pub(crate) fn of(
         walks: &Walks,
-        (model, structure): (&Model, &ModelStructure),
+        structure: &ModelStructure,
         candidates: &[EffectSite],
     ) -> Result<Self, FreeBaseError> {
-        let judge = structure.judge(model);
-        let judged = Arc::new(judge.columns());
+        let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
+        let sites = structure.effects.iter().cloned().chain(torques).collect();
+        let judged = Arc::new(structure.columns_of(sites));
         let mut setup = RowSetup::cad(judged.clone());
         // Which samples are a window's no parameter tells.
         let windows = windows_of_all(walks, &setup);
         let mut outside = vec![Vec::new(); walks.walks.len()];
+        let mut parts = None;
         for _ in 0..ROUNDS {
             let readings = Readings::of(walks, windows.clone(), &setup);
             let data = Self::made(walks, setup, outside.clone(), readings)?;
-            let others = data.parts.iter().map(|part| &part.others);
-            let sums: Vec<&Sum> = std::iter::once(&data.all).chain(others).collect();
-            let thetas = data.with_all(&judge, &sums);
-            let mut thetas = thetas.ok_or(FreeBaseError::Unsolvable)?;
-            let theta = thetas.remove(0);
+            let (theta, thetas) = match candidates {
+                [] => {
+                    let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+                    // Rows that were made at another fit are much the same.
+                    parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
+                    let thetas = parts.iter().flatten().map(|part| part.theta.clone());
+                    (fit.theta().clone(), thetas.collect())
+                }
+                _ => {
+                    let others = data.parts.iter().map(|part| &part.others);
+                    let sums: Vec<&Sum> = std::iter::once(&data.all).chain(others).collect();
+                    let thetas = data.with_all(structure, &sums);
+                    let mut thetas = thetas.ok_or(FreeBaseError::Unsolvable)?;
+                    (thetas.remove(0), thetas)
+                }
+            };
             let thetas: Vec<&DVector<f64>> = match &thetas[..] {
                 [] => vec![&theta],
                 parts => parts.iter().collect(),
@@ -69,10 +79,11 @@ impl Data {
                 break;
             }
         }
-        let sites = structure.effects.iter().chain(candidates).cloned();
-        let columns = structure.columns_of(sites.collect());
-        let readings = Readings::of_columns(walks, windows, &setup, &columns);
-        let setup = setup.with_columns(columns);
+        if !candidates.is_empty() {
+            let sites = structure.effects.iter().chain(candidates).cloned();
+            setup = setup.with_columns(structure.columns_of(sites.collect()));
+        }
+        let readings = Readings::of(walks, windows, &setup);
         let mut data = Self::made(walks, setup, outside, readings)?;
         if data.windows.outside > 0 {
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;

@@ -127,24 +127,6 @@ impl ModelStructure {
         all
     }
 
-    /// What tells which windows count and where rows are made ([`Data::with_all`](super::data::Data::with_all)): the CAD's bodies, every torque that a
-    /// joint may have, and of its own effects those that are no such torque, without which every window would stand out.
-    pub(super) fn judge(&self, model: &Model) -> Self {
-        let bare = model.bare();
-        let cad = Self {
-            robot: self.robot.clone(),
-            bodies: known(&bare),
-            effects: Vec::new(),
-            constraint: Constraint::Physical,
-            hold_bodies: false,
-        };
-        let torques = cad.candidates(&bare).into_iter();
-        let torques = torques.filter(EffectSite::is_torque);
-        let others = self.effects.iter().filter(|site| !site.is_torque());
-        let effects = torques.chain(others.cloned()).collect();
-        Self { effects, ..cad }
-    }
-
     /// All that it might lack.
     pub(crate) fn candidates(&self, model: &Model) -> Vec<EffectSite> {
         let lacking = all_places(&self.robot)

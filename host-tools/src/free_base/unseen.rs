@@ -8,7 +8,7 @@
 use serde::Serialize;
 
 use super::moved_readings::MovedReadings;
-use super::outside::{self, LIMIT, MANY, Squares};
+use super::outside::{self, MANY, Squares};
 use super::row_setup::RowSetup;
 use super::rows::Linearised;
 use super::stance::Stance;
@@ -78,9 +78,7 @@ pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec
             (0..count)
                 .filter(is_in_air)
                 .for_each(|leg| feet[leg].air += 1);
-            // Of a short log the fit that told which are outside is hardly held: what this one explains is no force unseen.
-            let stands_out = own.mean() > LIMIT * LIMIT * usual;
-            if !stands_out || outside.binary_search(&own.start_us).is_err() {
+            if outside.binary_search(&own.start_us).is_err() {
                 continue;
             }
             let with = |leg: usize| {

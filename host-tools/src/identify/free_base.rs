@@ -12,12 +12,11 @@ use serde::Serialize;
 use super::NotAModel;
 use super::bodies::{OtherBody, other_bodies};
 use super::to_model::set_joint;
-use crate::detect::ladder::Yardsticks;
+use crate::detect::ladder::WALK;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
 use crate::free_base::doubtful;
-use crate::free_base::fit::{Deviations, Fit, rms};
-use crate::free_base::ladder::{walk_rungs, walk_yardsticks};
+use crate::free_base::fit::{Deviations, Fit, bare, rms};
 use crate::free_base::legged::Legged;
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
@@ -41,9 +40,8 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
-    let (data, structure) = Data::believed(&walks, (model, structure), &[])?;
-    let yardsticks = walk_yardsticks(&data, &walk_rungs(&data, model)?);
-    FreeBaseIdentification::of(logs, (walks, model), (&data, yardsticks), &structure)
+    let (data, structure) = Data::believed(&walks, structure, &[])?;
+    FreeBaseIdentification::of(logs, (walks, model), &data, &structure)
         .ok_or(FreeBaseError::Unsolvable)
 }
 
@@ -75,9 +73,8 @@ pub struct FreeBaseIdentification {
     pub rms: f64,
     /// The same on stretches of time that the fit has not seen; none for short logs.
     pub held_out_rms: Option<f64>,
-    /// What that is to be measured against, of the same equations: as `compare --free-base` has it.
-    #[serde(flatten)]
-    pub yardsticks: Yardsticks,
+    /// The same under the CAD's rigid bodies without any effect.
+    pub cad_rms: f64,
     /// What became of the windows.
     pub windows: Windows,
     /// Why feet were projected out, log by log.
@@ -104,7 +101,7 @@ impl FreeBaseIdentification {
     fn of(
         logs: &[PathBuf],
         (walks, model): (Walks, &Model),
-        (data, yardsticks): (&Data, Yardsticks),
+        data: &Data,
         structure: &ModelStructure,
     ) -> Option<Self> {
         let fit = data.fit(structure)?;
@@ -116,7 +113,7 @@ impl FreeBaseIdentification {
             parameters,
             rms: data.rms(fit.theta()),
             held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
-            yardsticks,
+            cad_rms: data.rms(&bare(data, structure)),
             windows: data.windows.clone(),
             stance: walks.stance(),
             unseen_feet: data.unseen.clone(),
@@ -141,9 +138,12 @@ impl FreeBaseIdentification {
         })
     }
 
-    /// The error of the file as it is given, and that of the fit on time it has not seen.
+    /// The CAD's error, and that of the fit on time it has not seen.
     pub fn error(&self) -> ErrorRange {
-        self.yardsticks.error(self.held_out_rms)
+        ErrorRange {
+            floor_unknown: Some(WALK),
+            ..ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
+        }
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
@@ -382,7 +382,7 @@ impl FreeBaseIdentification {
             self.blocks,
             LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
             self.rms,
-            self.yardsticks.cad_rms,
+            self.cad_rms,
             inertial().count(),
         )
     }

@@ -20,11 +20,11 @@ use serde::Serialize;
 
 use super::Diagnosis;
 use super::changed::changed;
+use crate::compare::{walk_rungs, walk_yardsticks};
 use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
-use crate::free_base::ladder::{walk_rungs, walk_yardsticks};
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -70,7 +70,7 @@ pub fn diagnose_free_base(
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let candidates = structure.candidates(model);
-    let (data, structure) = Data::believed(&walks, (model, structure), &candidates)?;
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     if !data.can_hold_out() {
         return Err(FreeBaseError::TooShort);
     }
