@@ -208,7 +208,7 @@ fn left_out(
             "{samples}: the time stamp is not between those before and after it (the first at {first}: {value} s)"
         ),
         Cause::Impossible => format!(
-            "{samples}: {column} is {value} at {first}, many times any sample about it: a damaged message"
+            "{samples}: {column} is {value} at {first}, far from the samples about it: a damaged message"
         ),
         Cause::ZerosFirst => format!(
             "{}: zeros before the first state ({first} on, {column})",

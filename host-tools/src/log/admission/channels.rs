@@ -29,6 +29,14 @@ const LEAST_EFFORT: f64 = 0.01;
 const LEAST_IMU: f64 = 100.0;
 /// From so many times the greatest velocity so far a velocity is compared with the positions about it.
 const COMPARED: f64 = 1.5;
+/// A torque that leaves the line between its neighbours by this share of the greatest one, and comes back: less than that spoils little.
+const LEAP: f64 = 0.2;
+/// What is usual, so many times over, is no noise: of 60 values of Gaussian noise the fifth largest lies at 1.8 σ, this at 9 σ.
+const LEAPS: f64 = 5.0;
+/// Rows of one damaged value: a reader that is faster than its messages reads one twice.
+const LEAP_ROWS: usize = 2;
+/// Of the largest values ahead so many may be of another leap, and of the rows beside it.
+const OTHER_LEAP: usize = 4;
 /// A velocity that differs from that of the positions by so many times what nine tenths of the rows ahead differ by is not theirs.
 const NOT_THEIRS: f64 = 10.0;
 
@@ -38,6 +46,8 @@ struct Level {
     slot: usize,
     /// The position's slot, of a velocity.
     position: Option<usize>,
+    /// The velocity's slot, of a torque.
+    velocity: Option<usize>,
     /// What the robot may reach; infinite if not known.
     limit: f64,
     /// What is never a spike.
@@ -61,26 +71,34 @@ impl Levels {
             // A URDF that states a limit of 0 states none.
             let limit = |limit: f64| if limit > 0.0 { limit } else { f64::INFINITY };
             let effort = limit(body.effort);
-            let level = |slot, position, limit, least| Level {
+            let level = |slot, position, velocity, limit, least| Level {
                 slot,
                 position,
+                velocity,
                 limit,
                 least,
                 greatest: 0.0,
             };
-            levels.push(level(dq, Some(q), limit(body.velocity), LEAST_VELOCITY));
+            levels.push(level(
+                dq,
+                Some(q),
+                None,
+                limit(body.velocity),
+                LEAST_VELOCITY,
+            ));
             let least = if effort.is_finite() {
                 LEAST_EFFORT * effort
             } else {
                 0.0
             };
-            levels.push(level(tau, None, effort, least));
+            levels.push(level(tau, None, Some(dq), effort, least));
         }
         let slots = columns.slots;
         let imu = (slots.gyro()..slots.acc() + 3).filter(|slot| columns.has_slot(*slot));
         levels.extend(imu.map(|slot| Level {
             slot,
             position: None,
+            velocity: None,
             limit: f64::INFINITY,
             least: LEAST_IMU,
             greatest: 0.0,
@@ -104,10 +122,10 @@ impl Levels {
         let row = &ahead.front()?.values;
         let spike = |level: &&Level| {
             let size = row[level.slot].abs();
-            // The usual row ends here.
-            size > COMPARED * level.greatest
-                && size > level.least
-                && (level.is_gone(ahead, size) || level.is_not_the_positions(ahead, before))
+            let is_large = size > COMPARED * level.greatest && size > level.least;
+            // The usual row ends with both sizes.
+            (is_large && (level.is_gone(ahead, size) || level.is_not_the_positions(ahead, before)))
+                || level.leaps(ahead, before)
         };
         self.levels.iter().find(spike).map(|level| level.slot)
     }
@@ -122,6 +140,38 @@ impl Level {
             (TIMES, MOST_ROWS)
         };
         size > times * self.greatest && self.count_from(ahead, size / times) <= most
+    }
+
+    /// A torque that leaves those before and after it for one or two rows, and no velocity follows: a robot's torque of that size moves it, and a blow
+    /// against it shows in the velocity too.
+    fn leaps(&self, ahead: &VecDeque<Raw>, before: Option<&Vec<f64>>) -> bool {
+        let (Some(dq), Some(before)) = (self.velocity, before) else {
+            return false;
+        };
+        let own = ahead[0].values[self.slot];
+        let least = self.least.max(LEAP * self.greatest);
+        if (own - before[self.slot]).abs() <= least || ahead.len() < LEAST_ROWS as usize {
+            return false;
+        }
+        let at = |n: usize| ahead[n].values[self.slot];
+        (1..=LEAP_ROWS).any(|back| {
+            let between = 0.5 * (before[self.slot] + at(back));
+            let off = (own - between).abs();
+            // Up to `back` all are on one side: what comes back is itself near where it began.
+            let same = (0..back).all(|n| (at(n) - between).abs() > 0.5 * off);
+            if off <= least || !same || (at(back) - before[self.slot]).abs() > LEAP * off {
+                return false;
+            }
+            let rows = back..ahead.len() - 2;
+            let second = |n: usize| (at(n + 1) - 0.5 * (at(n) + at(n + 2))).abs();
+            let mut usual: Vec<f64> = rows.clone().map(second).collect();
+            usual.sort_by(|a, b| b.total_cmp(a));
+            let usual = usual.get(OTHER_LEAP).copied().unwrap_or(f64::INFINITY);
+            let velocity = |n: usize| ahead[n].values[dq];
+            let changes = rows.map(|n| (velocity(n + 2) - velocity(n)).abs());
+            let change = (velocity(back) - before[dq]).abs();
+            off > LEAPS * usual && change <= 2.0 * changes.fold(0.0, f64::max)
+        })
     }
 
     /// Rows ahead, with the first, in which it is greater than so much.

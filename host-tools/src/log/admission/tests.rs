@@ -320,3 +320,47 @@ fn what_stays_is_not_left_out() {
         }
     }
 }
+
+/// A torque that leaves its neighbours for one or two rows without a motion is left out, within what the joint reaches elsewhere too.
+#[test]
+fn a_torque_that_leaps_for_a_moment_is_left_out() {
+    for (rate, rows) in [(100.0, 1), (500.0, 1), (500.0, 2), (3000.0, 1)] {
+        for size in [-4.0, 3.0, 20.0] {
+            let mut log = Made::swing(2, rate, 6.0, 0.3, 7, true);
+            let leaps = [0.4, 0.41, 0.7].map(|share| (share * log.rows.len() as f64) as usize);
+            let leap = |at: &usize| (0..rows).map(|n| at + n).collect::<Vec<_>>();
+            let expected: Vec<usize> = leaps.iter().flat_map(leap).collect();
+            for n in &expected {
+                log.rows[*n].1[1][2] += size;
+            }
+            let found = (Cause::Impossible, expected.len() as u64);
+            assert_eq!(
+                log.left_out(),
+                (expected, vec![found]),
+                "{rate} Hz, {rows} rows, {size} N m"
+            );
+        }
+    }
+}
+
+/// A step, a pulse of three rows, and a blow whose velocity shows stay.
+#[test]
+fn torques_that_a_robot_may_have_stay() {
+    let damage: [fn(usize, &mut [f64; 3]); 3] = [
+        |n, joint| joint[2] += if n >= 700 { 8.0 } else { 0.0 },
+        |n, joint| {
+            joint[2] += if (700..703).contains(&n) { 8.0 } else { 0.0 };
+        },
+        |n, joint| {
+            joint[2] += if n == 700 { 8.0 } else { 0.0 };
+            joint[1] += if n >= 700 { 1.0 } else { 0.0 };
+        },
+    ];
+    for change in damage {
+        let mut log = Made::swing(2, 500.0, 6.0, 0.3, 7, true);
+        for (n, row) in log.rows.iter_mut().enumerate() {
+            change(n, &mut row.1[0]);
+        }
+        assert_eq!(log.left_out(), (Vec::new(), Vec::new()));
+    }
+}
