@@ -18,6 +18,8 @@ pub struct Summary {
     pub next: Vec<String>,
 }
 
+/// Points of a summary.
+pub(crate) const POINTS: usize = 3;
 /// Lines of a first screen: half of a terminal's 24 and what stood there before.
 const LINES: usize = 15;
 /// Lines of what stands above the headline, each.

@@ -106,7 +106,14 @@ fn an_arm_is_identified_from_its_urdf_and_a_log() {
 
     let text = done(
         folder,
-        &["identify", "log.csv", "-m", "model.toml", "--base"],
+        &[
+            "identify",
+            "log.csv",
+            "-m",
+            "model.toml",
+            "--base",
+            "--verbose",
+        ],
     );
     for joint in joints {
         assert!(text.lines().any(|line| line.starts_with(joint)), "{text}");

@@ -14,6 +14,7 @@ use crate::identify::{
 use crate::model::{Model, Provenance};
 use crate::output;
 use crate::report::pages;
+use crate::summary::POINTS;
 use clap::Args;
 
 use super::result::{judged, result};
@@ -77,7 +78,7 @@ pub(crate) struct Identify {
     /// Print each value ± its standard deviation
     #[arg(short, long)]
     verbose: bool,
-    /// Print each value, what is identifiable at all, and what these logs do not identify
+    /// Count the base parameters, the combinations that motion can tell, and those that these logs do; with --verbose each
     #[arg(long)]
     base: bool,
     /// Friction with the CAD's bodies first, then inertia, then physical inertia
@@ -93,6 +94,9 @@ pub(crate) struct Identify {
 
 /// What the first screen leaves to --verbose and the page.
 const MORE: &str = "--verbose (each value ± 1σ, priors), --base, --html report.html (plots)";
+
+/// The same of --base.
+const MORE_OF_BASE: &str = "--base --verbose (each combination, and what no motion tells)";
 
 /// The same of a robot that moves.
 const MORE_OF_A_WALK: &str = "--verbose (each value ± 1σ, stance), --html report.html (plots)";
@@ -196,7 +200,7 @@ impl Identify {
             return Ok(judged("identify", fitted.error(), fitted));
         }
         let file = self.model.as_deref();
-        if self.base {
+        if self.base && self.verbose {
             let told = fitted.identifiability();
             let open = closing(model, file, &self.logs);
             return Ok(format!("{fitted}{told}{open}"));
@@ -209,7 +213,12 @@ impl Identify {
                     let mut summary = (self.part).kept(fitted.summary(file, self.model_file()));
                     let every = fitted.every_window.as_ref();
                     let every = super::every_window_words(every, &mut summary, (&self.logs, file));
-                    summary.screen(&[self.wrote(), vec![every]].concat(), MORE)
+                    let more = if self.base { MORE_OF_BASE } else { MORE };
+                    if self.base {
+                        summary.points.insert(0, fitted.base_words());
+                        summary.points.truncate(POINTS);
+                    }
+                    summary.screen(&[self.wrote(), vec![every]].concat(), more)
                 }
             },
         )

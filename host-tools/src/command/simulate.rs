@@ -53,7 +53,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
     ground_friction: Option<f64>,
     /// Measure an arm of any robot (-m) at so many poses instead: a file for `calibrate`
-    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical", "follow"], value_parser = clap::value_parser!(u32).range(1..100_000))]
+    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical"], value_parser = clap::value_parser!(u32).range(1..100_000))]
     poses: Option<u32>,
     /// Excite a robot (-m) with elastic joints by multisines instead: a log for `frf`
     #[arg(long, requires = "model", conflicts_with_all = ["legs", "motion", "walk", "poses", "temperature", "typical", "duration"])]

@@ -4,10 +4,8 @@ use std::path::Path;
 
 use super::text::{NO_STRUCTURE, WORTH_A_DIAGNOSIS, named};
 use super::{Comparison, black_box};
-use crate::summary::{Summary, torque, typed};
+use crate::summary::{POINTS, Summary, torque, typed};
 
-/// Points of a summary.
-const POINTS: usize = 3;
 /// A pattern with less of the square error is no point, %.
 const LEAST_PERCENT: f64 = 1.0;
 

@@ -5,12 +5,10 @@ use std::path::Path;
 use super::{Diagnosis, FoundFormula, Verdict};
 use crate::catalogue;
 use crate::model::Robot;
-use crate::summary::{Summary, joints_in_words, torque, typed, word};
+use crate::summary::{POINTS, Summary, joints_in_words, torque, typed, word};
 
 /// Kinds of missing effects that the headline names, those of every drive last and together; of more it says how many, and the points name them.
 const NAMED: usize = 3;
-/// Points of a summary.
-const POINTS: usize = 3;
 /// A command that is no longer stands on one line of a terminal, columns.
 const ONE_LINE: usize = 76;
 /// A model file, where none is named.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{Section, escape, library};
 use crate::output::{self, WriteError};
+use crate::summary::POINTS;
 
 /// A report.
 #[derive(Default)]
@@ -61,9 +62,6 @@ impl From<String> for Finding {
 /// A drawing of a robot, made by [`pages`](super::pages): the program's own HTML, in which every name is escaped.
 #[derive(Debug, Clone, Default)]
 pub struct Drawing(pub(super) String);
-
-/// Findings that are seen at once.
-const POINTS: usize = 3;
 
 /// A log that a report is about.
 #[derive(Debug, Clone)]

@@ -6,10 +6,7 @@ use super::result::Fitted;
 use super::text::{between, unphysical};
 use crate::estimate::ParameterEstimate;
 use crate::identify::screen;
-use crate::summary::{Summary, from_standard_input, torque, typed, word};
-
-/// Points of a summary.
-const POINTS: usize = 3;
+use crate::summary::{POINTS, Summary, from_standard_input, torque, typed, word};
 
 impl Fitted {
     /// The first screen: the error, what every drive has, what is not identified. `file`: the model that was fitted; `written`: the file

@@ -8,6 +8,7 @@ use super::result::{Fitted, FittedJoint, FittedParameter, Where};
 use crate::catalogue;
 use crate::estimate::stages::Stage;
 use crate::estimate::{LEGEND, Status, effect_table};
+use crate::identifiability::NullDirection;
 use crate::identify::runs::{Consistency, Run};
 use crate::parameter::told;
 use crate::table::{Table, with_std};
@@ -250,6 +251,24 @@ fn name(run: &Run) -> String {
 }
 
 impl Fitted {
+    /// How many of the combinations that motion can tell these logs do.
+    pub fn base_words(&self) -> String {
+        let of = |status| {
+            self.base_parameters
+                .iter()
+                .filter(move |base| base.status == status)
+        };
+        let [identified, prior, unexcited] =
+            [Status::Identified, Status::Prior, Status::Unexcited].map(|status| of(status).count());
+        let alone = |d: &&NullDirection| d.structural && d.terms.len() == 1;
+        let never = self.null_directions.iter().filter(alone).count();
+        format!(
+            "Base parameters: {identified} of {} identified, {prior} prior-dominated, {unexcited} unexcited. No motion on this base shows {never} \
+             parameters at all.",
+            self.base_parameters.len()
+        )
+    }
+
     /// What motion can tell and what these logs do not, for humans.
     pub fn identifiability(&self) -> String {
         let mut text = String::new();

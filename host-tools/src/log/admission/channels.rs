@@ -31,8 +31,8 @@ const LEAST_IMU: f64 = 100.0;
 const COMPARED: f64 = 1.5;
 /// A torque that leaves the line between its neighbours by this share of the greatest one, and comes back: less than that spoils little.
 const LEAP: f64 = 0.2;
-/// What is usual, so many times over, is no noise: of 60 values of Gaussian noise the fifth largest lies at 1.8 σ, this at 9 σ.
-const LEAPS: f64 = 5.0;
+/// What is usual, so many times over, is no noise: of 60 values of Gaussian noise the fifth largest lies at 1.8 σ, this at 18 σ.
+const LEAPS: f64 = 10.0;
 /// Rows of one damaged value: a reader that is faster than its messages reads one twice.
 const LEAP_ROWS: usize = 2;
 /// Of the largest values ahead so many may be of another leap, and of the rows beside it.
@@ -54,6 +54,8 @@ struct Level {
     least: f64,
     /// The greatest value let in.
     greatest: f64,
+    /// The last two values let in.
+    last: [f64; 2],
 }
 
 /// Channels of all joints, and of the IMU.
@@ -78,6 +80,7 @@ impl Levels {
                 limit,
                 least,
                 greatest: 0.0,
+                last: [0.0; 2],
             };
             levels.push(level(
                 dq,
@@ -102,6 +105,7 @@ impl Levels {
             limit: f64::INFINITY,
             least: LEAST_IMU,
             greatest: 0.0,
+            last: [0.0; 2],
         }));
         Self { levels, rows: 0 }
     }
@@ -110,7 +114,9 @@ impl Levels {
     pub(super) fn let_in(&mut self, values: &[f64]) {
         self.rows += 1;
         for level in &mut self.levels {
-            level.greatest = level.greatest.max(values[level.slot].abs());
+            let value = values[level.slot];
+            level.greatest = level.greatest.max(value.abs());
+            level.last = [level.last[1], value];
         }
     }
 
@@ -142,24 +148,27 @@ impl Level {
         size > times * self.greatest && self.count_from(ahead, size / times) <= most
     }
 
-    /// A torque that leaves those before and after it for one or two rows, and no velocity follows: a robot's torque of that size moves it, and a blow
-    /// against it shows in the velocity too.
+    /// A torque that leaves quiet neighbours for one or two rows, and no velocity follows: a robot's torque of that size rises and falls in more rows
+    /// than one, or moves it, and a blow against it shows in the velocity too.
     fn leaps(&self, ahead: &VecDeque<Raw>, before: Option<&Vec<f64>>) -> bool {
         let (Some(dq), Some(before)) = (self.velocity, before) else {
             return false;
         };
-        let own = ahead[0].values[self.slot];
+        let (own, [before_last, last]) = (ahead[0].values[self.slot], self.last);
         let least = self.least.max(LEAP * self.greatest);
-        if (own - before[self.slot]).abs() <= least || ahead.len() < LEAST_ROWS as usize {
+        if (own - last).abs() <= least || ahead.len() < LEAST_ROWS as usize {
             return false;
         }
         let at = |n: usize| ahead[n].values[self.slot];
         (1..=LEAP_ROWS).any(|back| {
-            let between = 0.5 * (before[self.slot] + at(back));
+            let between = 0.5 * (last + at(back));
             let off = (own - between).abs();
-            // Up to `back` all are on one side: what comes back is itself near where it began.
-            let same = (0..back).all(|n| (at(n) - between).abs() > 0.5 * off);
-            if off <= least || !same || (at(back) - before[self.slot]).abs() > LEAP * off {
+            let is_out = (0..back).all(|n| (at(n) - between).abs() > 0.5 * off);
+            let about = [before_last, last, at(back), at(back + 1)];
+            let is_quiet = about
+                .windows(2)
+                .all(|two| (two[1] - two[0]).abs() <= LEAP * off);
+            if off <= least || !is_out || !is_quiet {
                 return false;
             }
             let rows = back..ahead.len() - 2;
