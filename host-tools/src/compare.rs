@@ -449,12 +449,8 @@ fn fits<'a>(data: &'a [LimbData<'a>], from: From) -> Option<Vec<LimbFit<'a>>> {
     if from == From::File {
         return None;
     }
-    let how = How {
-        constraint: Constraint::Physical,
-        ..How::default()
-    };
     let places: Vec<_> = data.iter().map(places_of).collect();
-    let (fits, _) = robot::fit(data, &places, &how);
+    let (fits, _) = robot::fit(data, &places, &How::told(Constraint::Physical));
     (fits.len() == data.len()).then_some(fits)
 }
 
