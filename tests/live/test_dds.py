@@ -213,6 +213,16 @@ class Live(unittest.TestCase):
         self.assertLessEqual(cable.dropped - report["lost"], 2)
         self.assertIn(f"messages that never came: the network or this machine was too slow: {report['lost']}", err)
 
+    def test_what_is_lost_is_sent_again_where_it_is_asked_for(self):
+        cable.loss = 0.02
+        robot = self.robot("--seconds", 6, "--depth", 100)
+        recording = self.proprio("record", SOURCE, "--qos", "reliable", "-o", "log.csv", "--json")
+        sent = self.sent(robot)["sent"]
+        out, _ = self.ended(recording)
+        report = json.loads(out)
+        self.assertGreater(cable.dropped, 20)
+        self.assertEqual((report["recorded"], report["lost"], report["repeated"]), (sent, 0, 0))
+
     def test_a_writer_is_killed_and_started_again(self):
         first = self.robot("--seconds", 20)
         recording = self.proprio("record", SOURCE, "-o", "log.csv", "--json")

@@ -10,7 +10,9 @@ from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int8, int16, int32, sequence, uint8, uint16, uint32
+from cyclonedds.core import Policy, Qos
 from cyclonedds.pub import DataWriter
+from cyclonedds.util import duration
 from cyclonedds.topic import Topic
 
 from rows import rows
@@ -180,11 +182,13 @@ def main():
     arguments.add_argument("--seconds", type=float)
     arguments.add_argument("--domain", type=int, default=0)
     arguments.add_argument("--readers", type=int, default=1)
+    arguments.add_argument("--depth", type=int, default=1, help="messages that it keeps, to send them again; ROS 2's writers keep 10")
     asked = arguments.parse_args()
     topic, kind, message = KINDS[asked.kind]
     participant = DomainParticipant(asked.domain)
     builtin = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
-    writer = DataWriter(participant, Topic(participant, topic, kind))
+    quality = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepLast(asked.depth))
+    writer = DataWriter(participant, Topic(participant, topic, kind), qos=quality)
     # Made before the clock runs: Python is slow.
     sent = [row for row in rows(asked.log) if asked.seconds is None or row.tick < 1000 * asked.seconds]
     until = time.time() + 30
