@@ -10,7 +10,9 @@ from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, float32, float64, int8, int16, int32, sequence, uint8, uint16, uint32
+from cyclonedds.core import Policy, Qos
 from cyclonedds.pub import DataWriter
+from cyclonedds.util import duration
 from cyclonedds.topic import Topic
 
 from rows import rows
@@ -80,6 +82,42 @@ class LowState(IdlStruct, typename="unitree_go.msg.dds_.LowState_"):
 
 
 @dataclass
+class HgImu(IdlStruct, typename="unitree_hg.msg.dds_.IMUState_"):
+    quaternion: array[float32, 4]
+    gyroscope: array[float32, 3]
+    accelerometer: array[float32, 3]
+    rpy: array[float32, 3]
+    temperature: int16
+
+
+@dataclass
+class HgMotor(IdlStruct, typename="unitree_hg.msg.dds_.MotorState_"):
+    mode: uint8
+    q: float32
+    dq: float32
+    ddq: float32
+    tau_est: float32
+    temperature: array[int16, 2]
+    vol: float32
+    sensor: array[uint32, 2]
+    motorstate: uint32
+    reserve: array[uint32, 4]
+
+
+@dataclass
+class HgLowState(IdlStruct, typename="unitree_hg.msg.dds_.LowState_"):
+    version: array[uint32, 2]
+    mode_pr: uint8
+    mode_machine: uint8
+    tick: uint32
+    imu_state: HgImu
+    motor_state: array[HgMotor, 35]
+    wireless_remote: array[uint8, 40]
+    reserve: array[uint32, 4]
+    crc: uint32
+
+
+@dataclass
 class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
     sec: int32
     nanosec: uint32
@@ -115,6 +153,15 @@ def low_state(row):
     )
 
 
+def hg_low_state(row):
+    """A humanoid's: its 29 motors move as those of the log, over and over."""
+    joints = list(zip(row.q, row.dq, row.tau))
+    motors = [HgMotor(1, *joints[n % len(joints)][:2], 0, joints[n % len(joints)][2], [30, 31], 48, [0, 0], 0, [0] * 4) for n in range(29)]
+    motors += [HgMotor(0, 0, 0, 0, 0, [0, 0], 0, [0, 0], 0, [0] * 4)] * 6
+    imu = HgImu([1, 0, 0, 0], row.gyro, row.acc, [0, 0, 0], 40)
+    return HgLowState([0, 0], 0, 5, row.tick, imu, motors, [0] * 40, [0] * 4, 0)
+
+
 def joint_state(row):
     stamp = Time(row.tick // 1000, row.tick % 1000 * 1_000_000)
     return JointState(Header(stamp, ""), row.names, row.q, row.dq, row.tau)
@@ -122,6 +169,7 @@ def joint_state(row):
 
 KINDS = {
     "low_state": ("rt/lowstate", LowState, low_state),
+    "hg_low_state": ("rt/lowstate", HgLowState, hg_low_state),
     "joint_state": ("rt/joint_states", JointState, joint_state),
     "other": ("rt/lowstate", Other, lambda row: Other([0] * 1176)),
 }
@@ -134,11 +182,13 @@ def main():
     arguments.add_argument("--seconds", type=float)
     arguments.add_argument("--domain", type=int, default=0)
     arguments.add_argument("--readers", type=int, default=1)
+    arguments.add_argument("--depth", type=int, default=1, help="messages that it keeps, to send them again; ROS 2's writers keep 10")
     asked = arguments.parse_args()
     topic, kind, message = KINDS[asked.kind]
     participant = DomainParticipant(asked.domain)
     builtin = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
-    writer = DataWriter(participant, Topic(participant, topic, kind))
+    quality = Qos(Policy.Reliability.Reliable(duration(milliseconds=100)), Policy.History.KeepLast(asked.depth))
+    writer = DataWriter(participant, Topic(participant, topic, kind), qos=quality)
     # Made before the clock runs: Python is slow.
     sent = [row for row in rows(asked.log) if asked.seconds is None or row.tick < 1000 * asked.seconds]
     until = time.time() + 30

@@ -1,10 +1,11 @@
 //! Whether a JSON value is what a JSON Schema says, for the part of draft 2020-12 that `docs/schema` uses. A keyword that is not known here is a
-//! fault of the schema: nothing is passed over.
+//! fault of the schema: nothing is passed over. A field that the schema does not describe is a fault too, though the schema allows it: a newer program
+//! may print more, this one prints what is described.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 /// Keywords that say nothing of a value.
 const NOTES: [&str; 4] = ["$schema", "$defs", "title", "description"];
@@ -76,12 +77,14 @@ impl Schema {
                             self.check(schema, value, &format!("{at}/{name}"), faults);
                         }
                     }
+                    if !keywords.contains_key("additionalProperties") {
+                        others(keywords, value).for_each(|(name, _)| {
+                            faults.push(format!("{at}/{name}: not described"));
+                        });
+                    }
                 }
                 "additionalProperties" => {
-                    let known = keywords.get("properties").and_then(Value::as_object);
-                    let is_known = |name: &str| known.is_some_and(|known| known.contains_key(name));
-                    let others = value.as_object().into_iter().flatten();
-                    for (name, value) in others.filter(|(name, _)| !is_known(name)) {
+                    for (name, value) in others(keywords, value) {
                         self.check(said, value, &format!("{at}/{name}"), faults);
                     }
                 }
@@ -118,6 +121,17 @@ impl Schema {
             }
         }
     }
+}
+
+/// Fields of an object that its schema does not describe.
+fn others<'a>(
+    keywords: &Map<String, Value>,
+    value: &'a Value,
+) -> impl Iterator<Item = (&'a String, &'a Value)> {
+    let known = keywords.get("properties").and_then(Value::as_object);
+    let is_known = move |name: &str| known.is_some_and(|known| known.contains_key(name));
+    let all = value.as_object().into_iter().flatten();
+    all.filter(move |(name, _)| !is_known(name))
 }
 
 fn is(name: &Value, value: &Value) -> bool {
@@ -166,8 +180,13 @@ mod tests {
             ),
             (
                 json!({"properties": {"a": {"type": "string"}}}),
-                json!({"b": 1}),
+                json!({}),
                 json!({"a": 1}),
+            ),
+            (
+                json!({"properties": {"a": true}}),
+                json!({"a": 1}),
+                json!({"b": 1}),
             ),
             (
                 json!({"properties": {"a": true}, "additionalProperties": false}),

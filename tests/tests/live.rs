@@ -603,7 +603,7 @@ fn what_is_no_source_is_refused_with_the_way() {
     let (code, said) = refused("/dev/ttyACM0", "log.csv");
     assert_eq!(code, Some(2));
     assert!(
-        said.contains("monitor /dev/ttyACM0 --record FILE"),
+        said.contains("`proprio monitor /dev/ttyACM0 --record log.messages`"),
         "{said}"
     );
     // Of a motor bus it is asked where the joints are before its port is.

@@ -10,6 +10,7 @@ mod calibrate;
 mod capture;
 mod compare;
 mod completions;
+mod dds_arguments;
 mod demo;
 mod diagnose;
 mod effects;

@@ -32,6 +32,7 @@ use settings::{Known, KnownBody};
 
 use super::Error;
 use super::bus_arguments::BusArguments;
+use super::dds_arguments::DdsArguments;
 use super::result::result;
 
 /// What the simulated robot has beside a Go2's usual friction, unless --hide says otherwise: something to be found.
@@ -73,9 +74,8 @@ pub(crate) struct Monitor {
     /// Keep all that comes in this file, to be watched again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// DDS domain
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
-    domain: u16,
+    #[command(flatten)]
+    dds: DdsArguments,
     /// Of `dds` or -: the robot stands or walks. Its mass, trunk, legs and friction are estimated from its joints, IMU and feet
     #[arg(long, visible_alias = "floating-base", conflicts_with_all = ["memory", "prior", "body", "legs", "hide", "power_up"])]
     free_base: bool,
@@ -220,7 +220,7 @@ impl Monitor {
         if matches!(address, Address::Dds(_)) {
             eprintln!("Waiting for the robot to be found.");
         }
-        let source = live::Source::open(address, self.domain, &facts, &until, &counts)?;
+        let source = live::Source::open(address, self.dds.network(), &facts, &until, &counts)?;
         let name = PathBuf::from(self.source.join(" "));
         let live = Live::follow(name, source, self.free_base, until, counts)?;
         let device: Box<dyn Device + Send> = match self.free_base {

@@ -90,6 +90,9 @@ fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
+/// Length of a file that may be a model, bytes: one of a hundred joints takes a tenth.
+const LONGEST_MODEL: u64 = 1 << 20;
+
 fn standing(path: &Path) -> Standing {
     let Ok(metadata) = fs::metadata(path) else {
         return Standing::Free;
@@ -124,7 +127,10 @@ fn standing(path: &Path) -> Standing {
     if path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
     }
-    if let Ok(model) = Model::load(path) {
+    // A longer one is a log, of which a reader of TOML would take many times the length in memory.
+    if metadata.len() <= LONGEST_MODEL
+        && let Ok(model) = Model::load(path)
+    {
         let effects = model.effects().len();
         let logs = model
             .provenance()

@@ -22,6 +22,7 @@ use flate2::write::GzEncoder;
 
 use super::Error;
 use super::bus_arguments::BusArguments;
+use super::dds_arguments::DdsArguments;
 use super::result::result;
 use super::robot_arguments::RobotArguments;
 use report::Report;
@@ -32,12 +33,14 @@ use report::Report;
 /// LowState, sensor_msgs JointState), over the interface IFACE. Nothing is sent to the robot but what discovery asks of every
 /// participant. `-` is CSV on standard input, as its rows come. LEG=PORT is an RS-485 adapter that listens to this leg's motor bus; of several legs,
 /// rows have the time of the first one's polling cycles. `sim` is a simulated robot's buses, to try it. Each message is kept once, in the order of one
-/// writer; what was lost, came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
+/// writer; what was lost, came twice, came from another writer or in another type is counted. A board or `qemu`
+/// sends estimates, which `monitor --record` keeps. Ctrl-C and --seconds leave a whole file.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio record dds:eth0 -o chirp.mcap
   proprio record dds:eth0/lowstate -o chirp.csv --seconds 20
   proprio record dds:wlan0/joint_states --domain 3 -m arm.toml -o arm.csv.gz
+  proprio record dds:wlan0 --qos reliable -o walk.mcap
   proprio record FR=/dev/ttyUSB0 -o FR.csv --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower
   proprio record sim -o sim.csv --seconds 5
   my_driver | proprio record - -o chirp.csv")]
@@ -51,9 +54,8 @@ pub(crate) struct Record {
     /// How long to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
     seconds: Option<f64>,
-    /// DDS domain
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
-    domain: u16,
+    #[command(flatten)]
+    dds: DdsArguments,
     #[command(flatten)]
     buses: BusArguments,
     #[command(flatten)]
@@ -93,7 +95,8 @@ impl Record {
         let name = self.source.join(" ");
         let Some(address) = Address::parse(&self.source) else {
             let why = format!(
-                "{name} is no live source: dds[:IFACE][/TOPIC], one LEG=PORT for each leg, sim or -. A board sends estimates, not samples: `proprio monitor {name} --record FILE`"
+                "{name} is no live source: dds[:IFACE][/TOPIC], one LEG=PORT for each leg, sim or -. A board sends estimates, not samples; keep them with `{}`",
+                self.of_a_device(&name)
             );
             super::usage_error("record", ErrorKind::ValueValidation, why);
         };
@@ -105,7 +108,7 @@ impl Record {
         let limit = self.seconds.map(|s| Duration::from_secs_f64(s + SLACK));
         let until = Until::after(limit);
         let shown = show(counts.clone());
-        let source = Source::open(&address, self.domain, &facts, &until, &counts)?;
+        let source = Source::open(&address, self.dds.network(), &facts, &until, &counts)?;
         let mut recording = Recording {
             counts,
             periods: Periods::default(),
@@ -149,6 +152,17 @@ impl Record {
             true => result("record", &report),
             false => report.to_string(),
         })
+    }
+
+    /// The command that keeps what a device sends, as this one would a log.
+    fn of_a_device(&self, name: &str) -> String {
+        let file = self.output.with_extension("messages");
+        let seconds = self.seconds.map(|seconds| format!(" --seconds {seconds}"));
+        let seconds = seconds.unwrap_or_default();
+        format!(
+            "proprio monitor {name} --record {}{seconds}",
+            file.display()
+        )
     }
 }
 

@@ -22,6 +22,7 @@ use proprio_core::wire::{
 use serde::Serialize;
 
 use super::Error;
+use super::dds_arguments::DdsArguments;
 use super::result::result;
 
 /// Set where a device's joints are, so that it knows their zeros
@@ -36,6 +37,7 @@ use super::result::result;
 /// power-up, at rest where the options say: to try what a real one will be asked.
 #[derive(Debug, Args)]
 #[command(after_help = poses_help())]
+#[command(mut_arg("domain", |domain| domain.requires("from")), mut_arg("qos", |qos| qos.requires("from")))]
 pub(crate) struct Zero {
     /// The device: a board's serial port; or one with a simulated robot
     #[arg(value_name = "PORT|sim|qemu")]
@@ -53,9 +55,8 @@ pub(crate) struct Zero {
     /// rows of CSV on standard input (-). Keep it at rest until the device has answered
     #[arg(long, value_name = "dds[:IFACE][/TOPIC]|-", value_parser = parse_from)]
     from: Option<Reporter>,
-    /// DDS domain
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "from", value_parser = clap::value_parser!(u16).range(0..=232))]
-    domain: u16,
+    #[command(flatten)]
+    dds: DdsArguments,
     /// These joints' motors turn against them, separated by commas
     #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint)]
     reversed: Vec<JointId>,
@@ -209,7 +210,7 @@ impl Zero {
         // Of a sender that goes silent, what came by then is too short.
         let until = Until::after(Some(Duration::from_secs_f64(3.0 * REST)));
         let (facts, counts) = (BusFacts::default(), Counts::default());
-        let source = Source::open(address, self.domain, &facts, &until, &counts)?;
+        let source = Source::open(address, self.dds.network(), &facts, &until, &counts)?;
         let at = resting_at(name, source)?;
         until.stop();
         let lacks = |leg: &&Leg| at.iter().all(|(joint, _)| joint.leg() != **leg);

@@ -1,7 +1,7 @@
 //! Messages of a topic of a DDS domain, over one network interface.
 //!
-//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers. The reader is best effort, so that no
-//! writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
+//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers. The reader is best effort unless asked otherwise,
+//! so that no writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
 
 mod domain;
 
@@ -20,6 +20,7 @@ use super::Counts;
 use super::address::Topic;
 use super::error::LiveError;
 use super::follow::{Arrival, Follower};
+use super::network::Network;
 use super::until::{LOOK, Until};
 use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 
@@ -50,7 +51,7 @@ pub struct Subscription {
 /// [`LiveError`]: of the interface, the domain, or of a topic that nobody writes.
 pub fn subscribe(
     topic: &Topic,
-    domain: u16,
+    network: Network,
     until: &Until,
     counts: &Counts,
 ) -> Result<Subscription, LiveError> {
@@ -59,10 +60,10 @@ pub fn subscribe(
         interface: interface.name.clone(),
         problem,
     };
-    let joined = Domain::join(domain, interface.address);
+    let joined = Domain::join(network, interface.address);
     let joined = joined.map_err(|error| failed(error.to_string()))?;
     let found = find(&joined, topic, until).ok_or_else(|| LiveError::NoWriter {
-        domain,
+        domain: network.domain,
         interface: interface.name.clone(),
         asked: topic.name.clone(),
         seconds: PATIENCE_S,

@@ -10,6 +10,7 @@
 //! - `dds`: messages of a topic of a DDS domain, over one network interface
 //! - `error`: why nothing can be received
 //! - `follow`: which of the messages of several writers are one robot's, each once
+//! - `network`: which DDS domain is listened to, and what is asked of its writers
 //! - `pieces`: bytes that a thread reads, piece by piece
 //! - `rest`: where a robot's joints rest
 //! - `text`: lines of standard input as they come
@@ -21,6 +22,7 @@ mod bus;
 mod dds;
 mod error;
 mod follow;
+mod network;
 mod pieces;
 mod rest;
 mod text;
@@ -32,6 +34,7 @@ pub use bus::{BusFacts, LiveCapture, bytes};
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
 pub use follow::{Arrival, Follower, Tally};
+pub use network::Network;
 pub use rest::{REST, RestError, resting_at};
 pub use text::lines;
 pub use until::Until;
@@ -78,14 +81,14 @@ pub enum Source {
 }
 
 impl Source {
-    /// Opens what `address` names, on this DDS domain if it is a topic, and with what is known of the buses if it is adapters; what comes is
+    /// Opens what `address` names, over this network if it is a topic, and with what is known of the buses if it is adapters; what comes is
     /// counted in `counts`, and ends as `until` says.
     ///
     /// # Errors
     /// [`LiveError`].
     pub fn open(
         address: &Address,
-        domain: u16,
+        network: Network,
         facts: &BusFacts,
         until: &Until,
         counts: &Counts,
@@ -96,7 +99,7 @@ impl Source {
             Address::Simulated => Ok(Self::Buses(bus::simulate(Leg::ALL, until)?.into())),
             #[cfg(feature = "dds")]
             Address::Dds(topic) => {
-                let subscription = subscribe(topic, domain, until, counts)?;
+                let subscription = subscribe(topic, network, until, counts)?;
                 Ok(Self::Messages {
                     topic: subscription.topic,
                     kind: subscription.kind,
@@ -105,7 +108,7 @@ impl Source {
             }
             #[cfg(not(feature = "dds"))]
             Address::Dds(_) => {
-                let _ = (domain, counts);
+                let _ = (network, counts);
                 Err(LiveError::NotBuilt)
             }
         }

@@ -11,11 +11,13 @@ use rustdds::{
     RepresentationIdentifier, TopicKind,
 };
 
+use crate::live::Network;
+
 /// Messages that the middleware keeps for us: two seconds of a robot's.
 const HISTORY: i32 = 1024;
 
 /// A participant in a domain. Whoever has it can listen, and cannot make a writer.
-pub(super) struct Domain(DomainParticipant);
+pub(super) struct Domain(DomainParticipant, QosPolicies);
 
 /// A writer as it announces itself.
 pub(super) struct Announced {
@@ -31,17 +33,17 @@ pub(super) struct Announced {
 pub(super) type Reader = SimpleDataReader<Payload, Bytes>;
 
 impl Domain {
-    /// Joins a domain, by its number, over the interface of this address alone.
+    /// Joins a domain over the interface of this address alone.
     ///
     /// # Errors
     /// Those of the middleware.
-    pub(super) fn join(number: u16, interface: IpAddr) -> Result<Self, CreateError> {
-        DomainParticipantBuilder::new(number)
+    pub(super) fn join(network: Network, interface: IpAddr) -> Result<Self, CreateError> {
+        DomainParticipantBuilder::new(network.domain)
             .with_only_networks([interface])
             // Announcements to this machine's own loopback would go beyond the interface that was chosen.
             .same_host_loopback(false)
             .build()
-            .map(Self)
+            .map(|participant| Self(participant, policies(network.is_reliable)))
     }
 
     /// All writers known by now.
@@ -61,18 +63,25 @@ impl Domain {
     /// # Errors
     /// Those of the middleware.
     pub(super) fn read(&self, topic: String, type_name: String) -> Result<Reader, CreateError> {
-        let quality = quality();
+        let quality = &self.1;
         let participant = &self.0;
-        let topic = participant.create_topic(topic, type_name, &quality, TopicKind::NoKey)?;
-        let subscriber = participant.create_subscriber(&quality)?;
-        subscriber.create_simple_datareader_no_key::<Payload, Bytes>(&topic, Some(quality))
+        let topic = participant.create_topic(topic, type_name, quality, TopicKind::NoKey)?;
+        let subscriber = participant.create_subscriber(quality)?;
+        subscriber.create_simple_datareader_no_key::<Payload, Bytes>(&topic, Some(quality.clone()))
     }
 }
 
-/// Best effort, so that no writer waits for this reader.
-fn quality() -> QosPolicies {
+/// What is asked of writers; nothing of the past.
+fn policies(is_reliable: bool) -> QosPolicies {
+    let reliability = match is_reliable {
+        false => Reliability::BestEffort,
+        // Of a reader, the time is of no effect: it is how long a writer waits.
+        true => Reliability::Reliable {
+            max_blocking_time: rustdds::Duration::from_millis(100),
+        },
+    };
     QosPolicyBuilder::new()
-        .reliability(Reliability::BestEffort)
+        .reliability(reliability)
         .durability(Durability::Volatile)
         .history(History::KeepLast { depth: HISTORY })
         .build()

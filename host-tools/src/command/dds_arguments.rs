@@ -1,0 +1,35 @@
+//! What a user says of a DDS domain.
+
+use clap::{Args, ValueEnum};
+
+use crate::live::Network;
+
+/// Of the `dds` source. Its interface and topic are in its name; peers are found by multicast alone.
+#[derive(Debug, Args)]
+pub(super) struct DdsArguments {
+    /// DDS domain
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    domain: u16,
+    /// What is asked of writers over DDS: that they send lost messages again (`reliable`), or nothing, so that none waits (`best-effort`). A
+    /// best-effort writer sends a reliable reader nothing
+    #[arg(long, value_name = "QOS", value_enum, default_value_t)]
+    qos: Qos,
+}
+
+/// Quality of service that a reader asks for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Qos {
+    #[default]
+    BestEffort,
+    Reliable,
+}
+
+impl DdsArguments {
+    /// As what opens a source takes it.
+    pub(super) fn network(&self) -> Network {
+        Network {
+            domain: self.domain,
+            is_reliable: self.qos == Qos::Reliable,
+        }
+    }
+}
