@@ -284,3 +284,29 @@ fn without_path(bytes: &[u8]) -> Vec<String> {
     let lines = text.lines().filter(|line| !line.starts_with("command = "));
     lines.map(str::to_owned).collect()
 }
+
+/// What stands where a log is to go is looked at in little memory, however long it is.
+#[cfg(unix)]
+#[test]
+fn a_large_file_is_refused_in_little_memory() {
+    let folder = folder();
+    let row = "0.5,0.1,0.2,0.3\n".repeat(4_000_000);
+    fs::write(
+        folder.path().join("large.csv"),
+        "t,q/a,dq/a,tau/a\n".to_owned() + &row,
+    )
+    .unwrap();
+    // KiB of addresses: four times the file, and threads' stacks.
+    let line = format!(
+        "ulimit -v 400000; exec {} simulate --legs FR --duration 1 -o large.csv",
+        binary().display()
+    );
+    let output = std::process::Command::new("sh")
+        .args(["-c", &line])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("which proprio did not make"), "{said}");
+}
