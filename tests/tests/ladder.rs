@@ -114,7 +114,6 @@ fn of_three_models(folder: &Path, log: &str, bare: Option<&str>) -> [Said; 3] {
         own.agrees(&format!("{log} {model:?}"));
         assert!((own.floor() / said[0].floor() - 1.0).abs() < 0.1);
     }
-    said[2].is_above_its_floor(log);
     said
 }
 
@@ -123,6 +122,7 @@ fn commands_agree_on_a_leg_that_hides_a_spring() {
     let folder = simulated("--legs FR --typical --hide spring:FR_thigh=4");
     let folder = folder.path();
     let said = of_three_models(folder, "log.csv", None);
+    said[2].is_above_its_floor("log.csv");
 
     // Ten samples of +20 N m: the floor is of what the others are.
     let log = fs::read_to_string(folder.join("log.csv")).unwrap();
@@ -178,7 +178,8 @@ fn commands_agree_on_an_arm() {
     let limbs = recorder.model.robot().limbs();
     let limbs: Vec<&Limb> = limbs.iter().collect();
     fs::write(folder.join("log.csv"), recorder.log::<4>(&limbs)).unwrap();
-    of_three_models(folder, "log.csv", Some("bare.toml"));
+    let said = of_three_models(folder, "log.csv", Some("bare.toml"));
+    said[2].is_above_its_floor("log.csv");
 }
 
 /// A real robot, whose logs are read where they lie; the slow one carries a body far from the CAD.
@@ -188,6 +189,10 @@ fn commands_agree_on_chirps() {
     for chirp in ["2.0hz_p25d3.0", "7.0hz_p25d5.0"] {
         let log = logs.join(format!("go2_air_chirp_{chirp}.csv"));
         let folder = folder();
-        of_three_models(folder.path(), log.to_str().unwrap(), None);
+        let said = of_three_models(folder.path(), log.to_str().unwrap(), None);
+        // Of the slow chirp the floor of FL_calf lies 14 % above what the complete model leaves there.
+        if chirp == "7.0hz_p25d5.0" {
+            said[2].is_above_its_floor(chirp);
+        }
     }
 }

@@ -78,7 +78,7 @@ pub(crate) struct Identify {
     /// Print each value ± its standard deviation
     #[arg(short, long)]
     verbose: bool,
-    /// Count the base parameters, the combinations that motion can tell, and those that these logs do; with --verbose each
+    /// Count the base parameters (identifiable combinations) and those that these logs identify; with --verbose each
     #[arg(long)]
     base: bool,
     /// Friction with the CAD's bodies first, then inertia, then physical inertia
@@ -96,7 +96,7 @@ pub(crate) struct Identify {
 const MORE: &str = "--verbose (each value ± 1σ, priors), --base, --html report.html (plots)";
 
 /// The same of --base.
-const MORE_OF_BASE: &str = "--base --verbose (each combination, and what no motion tells)";
+const MORE_OF_BASE: &str = "--base --verbose (each combination, and what is never identifiable)";
 
 /// The same of a robot that moves.
 const MORE_OF_A_WALK: &str = "--verbose (each value ± 1σ, stance), --html report.html (plots)";

@@ -251,7 +251,7 @@ fn name(run: &Run) -> String {
 }
 
 impl Fitted {
-    /// How many of the combinations that motion can tell these logs do.
+    /// How many of the identifiable combinations of parameters these logs identify.
     pub fn base_words(&self) -> String {
         let of = |status| {
             self.base_parameters
@@ -263,8 +263,8 @@ impl Fitted {
         let alone = |d: &&NullDirection| d.structural && d.terms.len() == 1;
         let never = self.null_directions.iter().filter(alone).count();
         format!(
-            "Base parameters: {identified} of {} identified, {prior} prior-dominated, {unexcited} unexcited. No motion on this base shows {never} \
-             parameters at all.",
+            "Base parameters: {identified} of {} identified, {prior} prior-dominated, {unexcited} unexcited. {never} parameters \
+             are never identifiable on this base.",
             self.base_parameters.len()
         )
     }
