@@ -47,7 +47,8 @@ def load(robot):
     else:
         model = pin.buildModelFromUrdf(str(URDFS / ROBOTS[robot]))
         lock = HELD.get(robot, [])
-    model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], pin.neutral(model))
+    if lock:
+        model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], pin.neutral(model))
     names = [model.names[n] for n in range(1, model.njoints)]
     return model, [name.removesuffix("_joint") if robot == "Go2's leg" else name for name in names]
 

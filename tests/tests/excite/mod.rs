@@ -127,7 +127,14 @@ fn fit(here: &Path) {
     let told = done(
         here,
         &[
-            "identify", "log.csv", "--model", "fit.toml", "-o", "fit.toml", "--base",
+            "identify",
+            "log.csv",
+            "--model",
+            "fit.toml",
+            "-o",
+            "fit.toml",
+            "--base",
+            "--verbose",
         ],
     );
     // What the log could not tell closes the words, with the command for the motion that would.
