@@ -449,8 +449,12 @@ fn fits<'a>(data: &'a [LimbData<'a>], from: From) -> Option<Vec<LimbFit<'a>>> {
     if from == From::File {
         return None;
     }
+    let how = How {
+        constraint: Constraint::Physical,
+        ..How::default()
+    };
     let places: Vec<_> = data.iter().map(places_of).collect();
-    let (fits, _) = robot::fit(data, &places, &How::told(Constraint::Physical));
+    let (fits, _) = robot::fit(data, &places, &how);
     (fits.len() == data.len()).then_some(fits)
 }
 

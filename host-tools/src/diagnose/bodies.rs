@@ -8,8 +8,7 @@
 use proprio_core::effect::EffectKind;
 
 use crate::equation::values::Place;
-use crate::estimate::Constraint;
-use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::identify::model_fit::{parameters, places_of};
@@ -87,7 +86,11 @@ fn far_with_free_bodies(
     model: &Model,
     most: f64,
 ) -> Vec<OtherBody> {
-    let (fits, _) = robot::fit(data, places, &How::told(Constraint::default()));
+    let how = How {
+        far_bodies: FarBodies::Released,
+        ..How::default()
+    };
+    let (fits, _) = robot::fit(data, places, &how);
     let squares = |fit: &LimbFit| Some(fit.data.squares(&fit.predicted_held_out()?).total());
     let squares: Option<f64> = fits.iter().map(squares).sum();
     if squares.is_none_or(|squares| squares >= most) {

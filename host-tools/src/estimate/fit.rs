@@ -64,17 +64,6 @@ pub(crate) struct How {
     pub(crate) weights: Option<Arc<Weights>>,
 }
 
-impl How {
-    /// How the values of a model are fitted that a user is told, by whichever command.
-    pub(crate) fn told(constraint: Constraint) -> Self {
-        Self {
-            constraint,
-            far_bodies: FarBodies::Released,
-            ..Self::default()
-        }
-    }
-}
-
 /// What is done with a body that the data would carry beyond [`FARTHEST`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum FarBodies {

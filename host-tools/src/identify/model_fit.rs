@@ -11,7 +11,7 @@ use crate::detect::ladder;
 use crate::detect::twist::told_by_encoders;
 use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
-use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::estimate::stages::{self, Stage, StageParameter};
@@ -62,8 +62,10 @@ pub fn fit_model(
         return Err(RecordingError::at_rest(recording));
     }
     let how = How {
+        constraint: options.constraint,
         method: options.method,
-        ..How::told(options.constraint)
+        far_bodies: FarBodies::Released,
+        ..How::default()
     };
     let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
     let (mut fits, shared) = robot::fit(&data, &places, &how);
