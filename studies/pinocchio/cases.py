@@ -55,9 +55,9 @@ def load(robot):
 
 def write_model(robot, path):
     """The URDF alone, which is what diagnosis begins with."""
-    text = "format = 1\n"
-    if ROBOTS[robot]:
-        text += f'\n[robot]\nurdf = "{URDFS / ROBOTS[robot]}"\n'
+    if not ROBOTS[robot]:
+        return
+    text = f'format = 1\n\n[robot]\nurdf = "{URDFS / ROBOTS[robot]}"\n'
     held = "".join(f"{name} = 0.0\n" for name in HELD.get(robot, []))
     path.write_text(text + (f"\n[held]\n{held}" if held else ""))
 
@@ -221,7 +221,9 @@ def named(found):
 def of_case(proprio, robot, effect, seed):
     with tempfile.TemporaryDirectory() as folder:
         joint = make(robot, effect, seed, Path(folder))
-        found = said(proprio, folder, "diagnose", "log.csv", "-m", "model.toml")
+        # Without a model file the robot is a Go2.
+        model = ["-m", "model.toml"] if ROBOTS[robot] else []
+        found = said(proprio, folder, "diagnose", "log.csv", *model)
     if found["verdict"] == "refused" or "path" not in found:
         return effect, f"{robot}, {effect}: refused", "refused"
     names, after, floor = named(found), found["error"]["after"], found["error"]["floor"]
@@ -234,6 +236,7 @@ def of_case(proprio, robot, effect, seed):
     else:
         verdict = "right" if names == [(effect, at)] else "with others" if (effect, at) in names else "wrong"
     shown = ", ".join(f"{name}:{where}" for name, where in names) or "nothing"
+    floor = "unknown" if floor is None else f"{floor:.4g} N m"
     return effect, f"{robot}, {effect} at {joint}: {shown}; {after:.4g} N m, floor {floor}", verdict
 
 
