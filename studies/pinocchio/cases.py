@@ -6,7 +6,7 @@
 
 Nothing here is proprio's: bodies, motions, friction and noise are this file's, and the URDFs are those of example-robot-data (the Go2's leg:
 tests/oracle/go2.urdf). Each robot has its own bodies, 4 % off the URDF's, and its own drive, as shares of each joint's torque. The model that is given
-is the URDF alone. A second part adds a load to arms that were diagnosed without it. Half an hour of two cores.
+is the URDF alone. A second part adds a load to arms that were diagnosed without it. Twenty minutes of two cores.
 """
 
 import argparse
