@@ -390,7 +390,7 @@ mod tests {
         of.joints[0].coulomb = 0.0;
         of.joints[0].spring = Some([5e3, 2.0]);
         of.down = Vector3::zeros();
-        let inverse = 1.0 / 2.0 + 1.0 / 0.5;
+        let inverse = 1.0 / 2.0 + 1.0 / 0.5_f64;
         let decay = 0.5 * 2.0 * inverse;
         let exact = (5e3 * inverse - decay * decay).sqrt() / std::f64::consts::TAU;
         let f = frequency(&of, STEP, 8000);
