@@ -43,6 +43,7 @@ pub use values::EffectValue;
 
 pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
+use crate::detect::bodies;
 use crate::detect::contact::leave_out_contact;
 use crate::detect::every_window::EveryWindow;
 pub use crate::detect::ladder::Yardsticks;
@@ -454,7 +455,7 @@ fn fits<'a>(data: &'a [LimbData<'a>], from: From) -> Option<Vec<LimbFit<'a>>> {
         ..How::default()
     };
     let places: Vec<_> = data.iter().map(places_of).collect();
-    let (fits, _) = robot::fit(data, &places, &how);
+    let (fits, _) = bodies::fit(data, &places, &how);
     (fits.len() == data.len()).then_some(fits)
 }
 

@@ -34,7 +34,6 @@ use crate::parallel::side_by_side;
 use crate::recording::{Recording, RecordingError};
 use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
-use crate::select::state::how;
 use crate::summary::ErrorRange;
 pub use changed::ChangedValue;
 pub use formulas::FoundFormula;
@@ -328,20 +327,21 @@ fn judge(
         .map(|(&n, wrong)| with_velocities(&all[n], wrong))
         .collect();
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
-    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
-    let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
-        let of = |&n: &usize| start_squares(&all[n]);
-        side_by_side(&judged, of)
-            .into_iter()
-            .collect::<Option<Vec<Squares>>>()
-    });
     // What everything is held against is of the velocities as the file has them.
     let ladder = side_by_side(&judged, |&n| ladder::of(&all[n], model));
+    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
+    let refitted = bodies::refitted(&mended).ok_or_else(too_short)?;
+    let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
+        let reported = judged.iter().map(|&n| with_velocities(&all[n], &[]));
+        let reported: Vec<LimbData> = reported.collect();
+        Some(bodies::refitted(&reported)?.1)
+    });
     let twists = mended.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
-    let other = bodies::of(&mended, &found, model);
+    let instead = bodies::instead(&mended, &found, model);
     let mut diagnosed = Diagnosed {
-        bodies: other,
+        bodies_instead: !instead.is_empty(),
+        bodies: instead,
         twists: twists.collect(),
         model,
         recording,
@@ -352,6 +352,7 @@ fn judge(
         velocity: &velocity,
         ladder: ladder.concat(),
         before: before.flatten(),
+        refitted: refitted.1.clone(),
         found,
     };
     let outside = diagnosed.outside();
@@ -364,13 +365,19 @@ fn judge(
         true => outside,
         false => diagnosed.outside(),
     };
+    bodies::let_go(&mut diagnosed.found, refitted);
+    if !diagnosed.bodies_instead {
+        diagnosed.bodies = bodies::beside(&mended, &diagnosed.found, model);
+    }
     Ok(report(&diagnosed, &outside, formulas))
 }
 
 /// A recording, walked to the end.
 struct Diagnosed<'a> {
-    /// Bodies that are not the CAD's, and whether they do as well as the effects that were found.
-    bodies: (Vec<OtherBody>, bool),
+    /// Bodies that are not the CAD's.
+    bodies: Vec<OtherBody>,
+    /// Whether they do as well as the effects that were found.
+    bodies_instead: bool,
     model: &'a Model,
     recording: &'a Recording,
     /// All limbs, their stance left out, and what was found at their feet.
@@ -388,6 +395,8 @@ struct Diagnosed<'a> {
     twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
     before: Option<Vec<Squares>>,
+    /// Held-out sums of squares of the model as given, its values fitted anew.
+    refitted: Vec<Squares>,
     found: Found<Limbs<'a>>,
 }
 
@@ -420,10 +429,4 @@ fn with_velocities<'a>(data: &LimbData<'a>, wrong: &[(usize, VelocityGain)]) -> 
         gains[*joint] = gain.value;
     }
     data.with_gains(gains)
-}
-
-/// Held-out sums of squares of the model as it is given.
-fn start_squares(data: &LimbData) -> Option<Squares> {
-    let fit = LimbFit::of(data, &places_of(data), &how())?;
-    Some(data.squares(&fit.predicted_held_out()?))
 }

@@ -12,6 +12,7 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use crate::bounded::{Bounded, Problem};
 use crate::factor::{HeapFactor, numbers_of};
+use crate::far;
 use crate::group::{Group, noises, stacked};
 
 /// Times that the joints' noise is found again from the fit that it gives.
@@ -28,6 +29,8 @@ pub struct NestedLimb {
     pub effect: Vec<Option<usize>>,
     /// The limb's joints.
     pub joints: Vec<NestedJoint>,
+    /// Most that a fit leaves of what it has not seen where it leaves noise alone, (N m)²; zero where that is unknown.
+    pub at_floor: f64,
 }
 
 /// A joint's data.
@@ -94,28 +97,48 @@ impl NestedLimb {
             data: stacked(&all, &sizes),
             free: false,
         };
-        let mut theta = problem.solve()?.theta;
+        let mut solution = problem.solve()?;
         let mut noise = sizes.clone();
         for _ in 0..NOISE_ROUNDS {
-            noise = noises(&all, &theta, &sizes);
+            noise = noises(&all, &solution.theta, &sizes);
             problem.data = stacked(&all, &noise);
-            theta = problem.solve_from(&theta)?.theta;
+            solution = problem.solve_from(&solution.theta)?;
         }
-        let mut fit = NestedFit {
-            squares: Vec::new(),
-            theta: Vec::new(),
+        let folds = |problem: &mut Problem, noise: &[f64], theta: &DVector<f64>| {
+            let mut fit = NestedFit {
+                squares: Vec::new(),
+                theta: Vec::new(),
+            };
+            for f in 0..self.folds() {
+                problem.data = stacked(&sum(Some(f))?, noise);
+                let own = problem.solve_from(theta)?.theta;
+                let full = self.spread(&active, &own);
+                let squares =
+                    |joint: &NestedJoint| joint.test[f].sum_of_squares(&joint.combined(&full));
+                fit.squares.push(self.joints.iter().map(squares).collect());
+                fit.theta.push(full);
+            }
+            let finite = fit.squares.iter().flatten().all(|x| x.is_finite());
+            finite.then_some(fit)
         };
-        for f in 0..self.folds() {
-            problem.data = stacked(&sum(Some(f))?, &noise);
-            let own = problem.solve_from(&theta)?.theta;
-            let full = self.spread(&active, &own);
-            let squares =
-                |joint: &NestedJoint| joint.test[f].sum_of_squares(&joint.combined(&full));
-            fit.squares.push(self.joints.iter().map(squares).collect());
-            fit.theta.push(full);
+        if problem.has_far_body(&solution) {
+            // Released where that leaves noise alone: else what the model lacks would hide in an absurd mass.
+            let (mut free, mut noise, mut far) = (problem.clone(), noise.clone(), solution.clone());
+            for _ in 0..far::ROUNDS {
+                if !free.release(&far) {
+                    break;
+                }
+                far = free.solve_from(&far.theta)?;
+                noise = noises(&all, &far.theta, &sizes);
+                free.data = stacked(&all, &noise);
+                far = free.solve_from(&far.theta)?;
+            }
+            let fit = folds(&mut free, &noise, &far.theta)?;
+            if fit.squares.iter().flatten().sum::<f64>() <= self.at_floor {
+                return Some(fit);
+            }
         }
-        let finite = fit.squares.iter().flatten().all(|x| x.is_finite());
-        finite.then_some(fit)
+        folds(&mut problem, &noise, &solution.theta)
     }
 
     fn spread(&self, active: &[usize], theta: &DVector<f64>) -> Vec<f64> {
@@ -138,6 +161,7 @@ impl NestedLimb {
             ]
             .map(count),
         );
+        to.push(self.at_floor);
         for (body, relative) in &self.bodies {
             to.extend(body.0.iter());
             to.push(*relative);
@@ -161,6 +185,7 @@ impl NestedLimb {
     pub fn read(from: &mut &[f64]) -> Option<Self> {
         let [bodies, others, joints, folds] = [(); 4].map(|()| size(from));
         let (bodies, others, joints, folds) = (bodies?, others?, joints?, folds?);
+        let at_floor = *take(from, 1)?.first()?;
         let body = |_| {
             let numbers = take(from, INERTIAL + 1)?;
             let inertia =
@@ -173,6 +198,7 @@ impl NestedLimb {
             others: Vec::new(),
             effect: Vec::new(),
             joints: Vec::new(),
+            at_floor,
         };
         for _ in 0..others {
             let &[mean, std, lower, upper, effect] = take(from, 5)? else {

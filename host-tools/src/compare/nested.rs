@@ -4,6 +4,7 @@ use proprio_core::effect::EffectKind;
 
 use super::{From, predictions};
 use crate::catalogue;
+use crate::detect::bodies;
 use crate::detect::contact::leave_out_contact;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::nested::{Nested, can_be_put_in};
@@ -66,7 +67,8 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
     let mut choices = Choices::default();
     for (data, prediction) in data.iter().zip(predictions(&data, From::HeldOut)) {
         let fit = prediction.fit?;
-        let nested = Nested::of(&fit, &candidates(data));
+        let at_floor = bodies::at_floor(data).unwrap_or(0.0);
+        let nested = Nested::of(&fit, &candidates(data), at_floor);
         let choice = |&(effect, joint): &(EffectKind, usize)| Choice {
             effect: effect.name(),
             joint: data.model.joint_name(data.body_of(joint)).to_owned(),

@@ -4,6 +4,7 @@
 //!
 //! - `black_box`: what a black box could still take away: how far a model's error falls if something that knows no physics is shown more
 //!   and more of the motion
+//! - `bodies`: bodies far from the CAD's: another body, or what the model lacks
 //! - `every_window`: what models make of every window of logs of which a part was drawn
 //! - `floor`: the noise floor of a log: the error that no model can take away
 //! - `ladder`: what every result is held against, the same in every command
@@ -15,6 +16,7 @@
 //!   them
 
 pub mod black_box;
+pub(crate) mod bodies;
 pub(crate) mod bursts;
 pub(crate) mod contact;
 pub mod every_window;

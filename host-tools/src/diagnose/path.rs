@@ -12,7 +12,7 @@ use crate::select::candidate::Member;
 
 /// The errors of the model as it was given, of all data and of each log, and the path.
 pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
-    let start = d.before.as_ref().unwrap_or(&d.found.start);
+    let start = d.before.as_ref().unwrap_or(&d.refitted);
     let mut steps = Vec::new();
     let stance: Vec<Member> = (d.feet.iter().enumerate())
         .filter(|(_, foot)| foot.as_ref().is_some_and(|foot| !foot.known))
@@ -26,10 +26,10 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
         .flat_map(|(n, wrong)| wrong.iter().map(move |(joint, _)| d.name(n, *joint)))
         .collect();
     if !wrong.is_empty() {
-        steps.push(d.step(VelocityGain::EFFECT, wrong, &d.found.start, false));
+        steps.push(d.step(VelocityGain::EFFECT, wrong, &d.refitted, false));
     }
     for (effect, joints) in d.shown_by_encoders() {
-        steps.push(d.step(effect, joints, &d.found.start, false));
+        steps.push(d.step(effect, joints, &d.refitted, false));
     }
     for step in &d.found.steps {
         let mut names: Vec<String> = Vec::new();

@@ -84,8 +84,8 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         second_encoder: (d.each_twist())
             .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
-        bodies: text::bodies(&d.bodies),
-        bodies_instead: d.bodies.1 && !d.bodies.0.is_empty(),
+        bodies: text::bodies(&d.bodies, d.bodies_instead),
+        bodies_instead: d.bodies_instead,
         formulas,
         outside_catalogue,
         every_window: None,

@@ -95,7 +95,7 @@ impl Diagnosis {
 }
 
 /// Bodies that are not the CAD's; `as_well`: without the effects beyond those of every drive.
-pub(super) fn bodies((bodies, as_well): &(Vec<OtherBody>, bool)) -> Vec<String> {
+pub(super) fn bodies(bodies: &[OtherBody], as_well: bool) -> Vec<String> {
     let told = |body: &OtherBody| match as_well {
         true => format!("{body}; so the drives' own effects predict as well as all that is named"),
         false => body.to_string(),

@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 
 use proprio_core::effect::{EffectKind, Enters};
 use proprio_core::inertia::INERTIAL;
+use proprio_solve::far::{FARTHEST, ROUNDS};
 use proprio_solve::group::noises;
 use proprio_solve::nested::NOISE_ROUNDS;
 
@@ -37,12 +38,6 @@ const SHAPE_PASSES: usize = 3;
 pub(crate) const STEADY: f64 = 0.1;
 /// A correlation of neighbours that differs by less is the same.
 pub(crate) const SAME_CORRELATION: f64 = 0.03;
-/// Squared distance from the CAD, in units of its uncertainty, beyond which a body is not the one that is stated: 99 % of all bodies with the
-/// stated uncertainty are nearer (χ² of ten degrees of freedom).
-const FARTHEST: f64 = 23.2;
-/// Times that bodies are held nearer, or released.
-pub(crate) const HOLD_ROUNDS: usize = 5;
-
 /// How a limb is fitted.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct How {
@@ -72,8 +67,7 @@ pub(crate) enum FarBodies {
     Pulled,
     /// It is held nearer: what a model lacks must show in the residual and not as an absurd mass.
     Held,
-    /// It is released: a prior that the data contradict would bias its value and make its error too small. Its uncertainty is taken to be what
-    /// makes its distance a usual one (the ratio of Birge, Phys. Rev. 40, 1932): one for each of its numbers that the data tell.
+    /// It is released ([`Problem::release`]).
     Released,
 }
 
@@ -280,9 +274,9 @@ impl<'a> LimbFit<'a> {
         }
         let mut tightness = vec![1.0; problem.bodies.len()];
         if how.far_bodies != FarBodies::Pulled {
-            for _ in 0..HOLD_ROUNDS {
+            for _ in 0..ROUNDS {
                 let changed = match how.far_bodies {
-                    FarBodies::Released => release(&mut problem, &solution),
+                    FarBodies::Released => problem.release(&solution),
                     _ => hold(&mut problem, &solution, &mut tightness),
                 };
                 if !changed {
@@ -377,6 +371,12 @@ impl<'a> LimbFit<'a> {
         !(0..before.len()).any(moved)
     }
 
+    /// Whether the data carry a body farther from the CAD than bodies with the stated uncertainty are.
+    pub(crate) fn has_far_body(&self) -> bool {
+        let held = self.tightness.iter().any(|tightness| *tightness > 1.0);
+        held || self.problem.has_far_body(&self.solution)
+    }
+
     /// Whether entry k's value is that of a derivative.
     pub(crate) fn is_derivative(&self, entry: usize) -> bool {
         self.columns.entries[entry]
@@ -411,45 +411,16 @@ impl<'a> LimbFit<'a> {
     }
 }
 
-/// Squared distance of body b from the CAD's, in units of its uncertainty.
-fn distance(problem: &Problem, solution: &Solution, b: usize) -> f64 {
-    let (cad, relative) = &problem.bodies[b];
-    let body = super::bounded::body(&solution.theta, b);
-    (body.divergence(cad)).map_or(0.0, |d| d * 2.0 / (relative * relative))
-}
-
 /// Holds those bodies nearer that are farther from the CAD than bodies are. Whether there is one.
 pub(crate) fn hold(problem: &mut Problem, solution: &Solution, tightness: &mut [f64]) -> bool {
     let mut far = false;
     for b in 0..problem.bodies.len() {
         // The distance in units of the uncertainty as it was stated.
-        let distance = distance(problem, solution, b) / (tightness[b] * tightness[b]);
+        let distance = problem.distance(solution, b) / (tightness[b] * tightness[b]);
         if distance > FARTHEST {
             let closer = (distance / FARTHEST).sqrt();
             tightness[b] *= closer;
             problem.bodies[b].1 /= closer;
-            far = true;
-        }
-    }
-    far
-}
-
-/// How many of body b's numbers the data tell: those whose prior they narrow.
-fn told(problem: &Problem, solution: &Solution, b: usize) -> f64 {
-    let prior = problem.prior_information(&solution.theta);
-    let own = INERTIAL * b;
-    let covariance = super::bounded::inverse(&solution.factor);
-    let open = prior.view((own, own), (INERTIAL, INERTIAL)) * covariance.rows(own, INERTIAL);
-    INERTIAL as f64 - open.norm_squared()
-}
-
-/// Releases those bodies that are farther from the CAD than bodies are. Whether there is one.
-fn release(problem: &mut Problem, solution: &Solution) -> bool {
-    let mut far = false;
-    for b in 0..problem.bodies.len() {
-        let distance = distance(problem, solution, b);
-        if distance > FARTHEST {
-            problem.bodies[b].1 *= (distance / told(problem, solution, b).max(1.0)).sqrt();
             far = true;
         }
     }

@@ -54,8 +54,8 @@ pub(crate) fn can_be_put_in(place: &Place) -> bool {
 }
 
 impl Nested {
-    /// The fit's effects and `more`, which it has not.
-    pub(crate) fn of(fit: &LimbFit, more: &[Place]) -> Self {
+    /// The fit's effects and `more`, which it has not; a fit that leaves no more than `at_floor` of what it has not seen, (N m)², leaves noise alone.
+    pub(crate) fn of(fit: &LimbFit, more: &[Place], at_floor: f64) -> Self {
         let data = fit.data;
         let all: Vec<Place> = fit.places.iter().chain(more).copied().collect();
         let columns = data.columns(&fit.at, &all, &[]);
@@ -79,7 +79,8 @@ impl Nested {
         };
         Self {
             limb: NestedLimb {
-                bodies: fit.problem.bodies.clone(),
+                bodies: data.bodies_before(),
+                at_floor,
                 others: others(&columns, &fit.at, &how),
                 effect: own.collect(),
                 joints: train.into_iter().zip(test).enumerate().map(joint).collect(),

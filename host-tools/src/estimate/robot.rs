@@ -21,6 +21,11 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
+    /// The effect, at all joints.
+    pub(crate) fn place(&self) -> Place {
+        (self.effect, BASE)
+    }
+
     /// Whether both are of the same parameter.
     fn is_of(&self, other: &Self) -> bool {
         (self.effect, self.parameter) == (other.effect, other.parameter)
@@ -103,7 +108,7 @@ fn held<'a>(
         for one in shared {
             start.set((one.effect, BASE), one.parameter, one.value);
         }
-        let places_held = shared.iter().map(|one| (one.effect, BASE));
+        let places_held = shared.iter().map(Shared::place);
         let how = How {
             start: Some(start),
             held: places_held.chain(how.held.iter().copied()).collect(),

@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
+use proprio_solve::far::ROUNDS;
 
 use super::columns::SENSORS;
 use super::data::{Data, Sum};
@@ -10,7 +11,7 @@ use super::structure::ModelStructure;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
 use crate::estimate::deviation::{BlockScore, sandwich};
-use crate::estimate::fit::{HOLD_ROUNDS, hold};
+use crate::estimate::fit::hold;
 use crate::parallel::side_by_side;
 
 /// The least noise of an equation that is believed, N m.
@@ -76,11 +77,7 @@ impl Fit {
             Some(near) => problem.solve_from(&some_entries(near.theta, &active))?,
             None => problem.solve()?,
         };
-        let rounds = if structure.hold_bodies {
-            HOLD_ROUNDS
-        } else {
-            0
-        };
+        let rounds = if structure.hold_bodies { ROUNDS } else { 0 };
         let all = |theta: &DVector<f64>| spread_out(theta, &active, data.columns().len());
         // The noise is what the fit leaves, and the fit weighs the prior by it.
         for round in 0..=rounds {

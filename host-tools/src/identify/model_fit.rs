@@ -7,11 +7,11 @@ mod text;
 use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;
 
-use crate::detect::ladder;
 use crate::detect::twist::told_by_encoders;
+use crate::detect::{bodies, ladder};
 use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
-use crate::estimate::fit::{FarBodies, How, LimbFit};
+use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::estimate::stages::{self, Stage, StageParameter};
@@ -64,11 +64,10 @@ pub fn fit_model(
     let how = How {
         constraint: options.constraint,
         method: options.method,
-        far_bodies: FarBodies::Released,
         ..How::default()
     };
     let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
-    let (mut fits, shared) = robot::fit(&data, &places, &how);
+    let (mut fits, shared) = bodies::fit(&data, &places, &how);
     if fits.is_empty() {
         return Err(RecordingError::too_short(recording, LEAST_DURATION));
     }

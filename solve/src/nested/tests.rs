@@ -58,6 +58,7 @@ fn limb(folds: &[Vec<Vec<f64>>], kept: &[usize]) -> NestedLimb {
     };
     let factors: Vec<HeapFactor> = folds.iter().map(cut).collect();
     NestedLimb {
+        at_floor: 0.0,
         bodies: vec![(cad(), 0.1)],
         others: kept
             .iter()

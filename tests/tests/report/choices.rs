@@ -24,20 +24,24 @@ fn run(folder: &Path, command: &str) -> String {
 /// A leg that hides a spring, a model that has what every drive has, and their page; made once.
 fn leg() -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
-    let make = || {
-        let folder = folder().join("choices");
-        let _ = std::fs::remove_dir_all(&folder);
-        std::fs::create_dir_all(&folder).unwrap();
-        for command in [
-            "proprio simulate --legs FR --typical --duration 12 --hide spring:FR_thigh=4 -o log.csv",
-            "proprio add viscous coulomb armature bias presliding:FR_calf -m model.toml",
-            "proprio compare log.csv -m model.toml --html compare.html",
-        ] {
-            run(&folder, command);
-        }
-        folder
-    };
-    FOLDER.get_or_init(make).clone()
+    FOLDER.get_or_init(|| leg_with("spring")).clone()
+}
+
+/// A leg that hides an effect at its thigh, such a model, and their page, in a folder of that name.
+fn leg_with(hidden: &str) -> PathBuf {
+    let folder = folder().join("choices").join(hidden);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let size = if hidden == "payload" { 0.5 } else { 4.0 };
+    let hide = format!("--hide {hidden}:FR_thigh={size}");
+    for command in [
+        &format!("proprio simulate --legs FR --typical --duration 12 {hide} -o log.csv"),
+        "proprio add viscous coulomb armature bias presliding:FR_calf -m model.toml",
+        "proprio compare log.csv -m model.toml --html compare.html",
+    ] {
+        run(&folder, command);
+    }
+    folder
 }
 
 fn number(browser: &mut Browser, expression: &str) -> f64 {
@@ -113,6 +117,21 @@ fn the_error_is_what_compare_prints_for_the_ticked_model() {
     assert!((number(&mut browser, RMS) - found).abs() < 1e-12);
     assert_eq!(browser.requests, [""; 0]);
     assert_eq!(browser.complaints, [""; 0]);
+}
+
+/// A body that is not the CAD's is released where the ticked model leaves noise alone, and only there, in the page as in the command.
+#[test]
+fn a_body_is_released_where_the_ticked_model_is_complete() {
+    let Some(mut browser) = Browser::start() else {
+        return;
+    };
+    let folder = leg_with("payload");
+    browser.resize(1280, 900, false);
+    browser.open(&folder.join("compare.html"));
+    let complete = agrees(&mut browser, &folder, &[]);
+    let without = agrees(&mut browser, &folder, &["coulomb"]);
+    assert!(without > 2.0 * complete, "{complete} → {without}");
+    agrees(&mut browser, &folder, &["coulomb", "presliding:FR_calf"]);
 }
 
 /// What the page draws follows the ticks: the joint's bar, its colour, its residual.

@@ -96,7 +96,7 @@ pub fn diagnose_free_base(
     {
         let values = walk_parameters(data, &free, &data.deviations(&free));
         let other = walk_bodies(&walks, structure, &values, model);
-        diagnosis.bodies = super::text::bodies(&(other, false));
+        diagnosis.bodies = super::text::bodies(&other, false);
     }
     if !model.is_of(logs, &[]) {
         diagnosis.changed = changed(model, &without_loaded(structure, &values));

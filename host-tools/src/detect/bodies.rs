@@ -1,0 +1,66 @@
+//! Bodies far from the CAD's: another body, or what a model lacks.
+//!
+//! Data carry a body far from the CAD's for two reasons. It is another one: then the prior is wrong, would bias its value and make its error too small, and
+//! is to be released. Or the model lacks an effect, and an absurd mass stands in for it. What tells them apart is the log's noise floor, which no model can
+//! go below and none that lacks something reaches.
+
+use super::floor;
+use crate::equation::values::Place;
+use crate::estimate::fit::{FarBodies, How, LimbFit};
+use crate::estimate::limb_data::LimbData;
+use crate::estimate::robot::{self, Shared};
+use crate::parallel::side_by_side;
+
+/// Held-out squares up to so many times those of the noise floor leave nothing to explain: the floor of one log is known to 10 % of its root mean
+/// square, whatever model the log is held against.
+const AT_FLOOR: f64 = 1.21;
+
+/// Fits the effects `places` of each limb. A body that the data carry far from the CAD is released where the limb then leaves no more than its joints' noise
+/// floors of what it has not seen; else the prior and the data share it.
+pub(crate) fn fit<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+) -> (Vec<LimbFit<'a>>, Vec<Shared>) {
+    let (fits, shared) = robot::fit(data, places, how);
+    if fits.len() < data.len() {
+        return (fits, shared);
+    }
+    let limbs: Vec<_> = fits.iter().zip(places).collect();
+    let released = side_by_side(&limbs, |(fit, places)| released(fit, places, how, &shared));
+    let both = released.into_iter().zip(fits);
+    let fits = both.map(|(released, fit)| released.unwrap_or(fit));
+    (fits.collect(), shared)
+}
+
+/// The limb with its far bodies released, if there are any and it then leaves noise alone; what limbs share stays.
+fn released<'a>(
+    fit: &LimbFit<'a>,
+    places: &[Place],
+    how: &How,
+    shared: &[Shared],
+) -> Option<LimbFit<'a>> {
+    if !fit.has_far_body() {
+        return None;
+    }
+    let shared = shared.iter().map(Shared::place);
+    let how = How {
+        far_bodies: FarBodies::Released,
+        start: Some(fit.values.clone()),
+        held: shared.chain(how.held.iter().copied()).collect(),
+        ..how.clone()
+    };
+    let released = LimbFit::of(fit.data, places, &how)?;
+    let left = released.data.squares(&released.predicted_held_out()?);
+    (left.total() <= at_floor(fit.data)?).then_some(released)
+}
+
+/// Most that a fit leaves of a limb's torque that it has not seen where it leaves noise alone, (N m)²; none where a joint's floor is unknown.
+pub(crate) fn at_floor(data: &LimbData) -> Option<f64> {
+    let floors = floor::of(data, &data.predicted_by_cad());
+    let joints = floors.into_iter().zip(data.windows());
+    let judged = joints.filter(|(_, windows)| *windows > 0.0);
+    let squares = judged.map(|(floor, windows)| Some(windows * floor?.rms.powi(2)));
+    let squares: Option<f64> = squares.sum();
+    squares.map(|squares| AT_FLOOR * squares)
+}
