@@ -329,19 +329,28 @@ fn judge(
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
     // What everything is held against is of the velocities as the file has them.
     let ladder = side_by_side(&judged, |&n| ladder::of(&all[n], model));
-    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
     let refitted = bodies::refitted(&mended).ok_or_else(too_short)?;
+    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
+    let instead = bodies::instead(&mended, &found, model);
+    let (data, found) = match &instead {
+        Some(instead) if instead.loaded.is_none() => {
+            let found = search(Limbs::new(&instead.data, &given), causes);
+            (&instead.data, found.ok_or_else(too_short)?)
+        }
+        _ => (&mended, found),
+    };
+    let loaded = instead.as_ref().and_then(|instead| instead.loaded.clone());
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
         let reported = judged.iter().map(|&n| with_velocities(&all[n], &[]));
         let reported: Vec<LimbData> = reported.collect();
         Some(bodies::refitted(&reported)?.1)
     });
-    let twists = mended.iter().zip(&found.end.fits);
+    let twists = data.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
-    let instead = bodies::instead(&mended, &found, model);
     let mut diagnosed = Diagnosed {
-        bodies_instead: !instead.is_empty(),
-        bodies: instead,
+        bodies: Vec::new(),
+        freed: instead.is_some(),
+        loaded,
         twists: twists.collect(),
         model,
         recording,
@@ -360,24 +369,24 @@ fn judge(
         true => Vec::new(),
         false => diagnosed.unresolved(),
     };
-    let formulas = formulas::find(&mut diagnosed, &mended, &joints);
+    let formulas = formulas::find(&mut diagnosed, data, &joints);
     let outside = match formulas.is_empty() {
         true => outside,
         false => diagnosed.outside(),
     };
     bodies::let_go(&mut diagnosed.found, refitted);
-    if !diagnosed.bodies_instead {
-        diagnosed.bodies = bodies::beside(&mended, &diagnosed.found, model);
-    }
+    diagnosed.bodies = bodies::beside(data, &diagnosed.found, model);
     Ok(report(&diagnosed, &outside, formulas))
 }
 
 /// A recording, walked to the end.
 struct Diagnosed<'a> {
-    /// Bodies that are not the CAD's.
+    /// Bodies that are not the CAD's, at the end.
     bodies: Vec<OtherBody>,
-    /// Whether they do as well as the effects that were found.
-    bodies_instead: bool,
+    /// Whether bodies were released from the CAD's.
+    freed: bool,
+    /// Bodies that do as well as the loads that were found.
+    loaded: Option<Vec<OtherBody>>,
     model: &'a Model,
     recording: &'a Recording,
     /// All limbs, their stance left out, and what was found at their feet.

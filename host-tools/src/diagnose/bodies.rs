@@ -1,21 +1,22 @@
 //! Bodies that are not the CAD's, beside or instead of effects.
 //!
 //! A search keeps bodies near the CAD, so that what a model lacks shows in the residual and not as an absurd mass. Where effects beyond
-//! those of every drive were found, or bodies pull away, the model is fitted once more with those of every drive alone and its bodies free: if
-//! that predicts as well, a body is the plainer cause. At the end bodies are told by the same fit as `identify` tells them.
+//! those of every drive were found, or bodies pull away, the model is fitted once more with those of every drive alone and its bodies free: where
+//! that leaves noise alone, a body is the plainer cause, and the search is made again with that body free. A load is a body and an effect: found, it stays
+//! and is told beside the body. At the end bodies are told by the same fit as `identify` tells them.
 
 use std::sync::Arc;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 
 use crate::detect::bodies;
 use crate::equation::values::Place;
 use crate::estimate::Constraint;
-use crate::estimate::fit::{FarBodies, How, LimbFit};
+use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
-use crate::estimate::robot::{self, Shared};
+use crate::estimate::robot::Shared;
 use crate::identify::model_fit::{parameters, places_of};
-use crate::identify::{OtherBody, other_bodies};
+use crate::identify::{OtherBody, other_bodies, released};
 use crate::model::Model;
 use crate::parallel::side_by_side;
 use crate::select::limbs::Limbs;
@@ -24,25 +25,63 @@ use crate::select::search::Found;
 /// The limbs' fits, and what each leaves of what it has not seen.
 pub(super) type Fits<'a> = (Vec<LimbFit<'a>>, Vec<Squares>);
 
-/// Held-out squares up to so many times those of the effects found: the prior pulls a body that is another one back to the CAD's, and leaves that
-/// much of it.
-const AS_WELL: f64 = 1.35;
-/// A body that pulls away is farther from the CAD's than this, in standard deviations, if it is named instead of effects or beside them: what
-/// a model lacks moves bodies too, on real chirps by up to 4.6.
-const FAR: f64 = 5.0;
 /// Bodies are told only by a model that predicts to this share of the torque's square: else what it lacks is in them.
 const PREDICTS: f64 = 0.05;
 
-/// The bodies that do as well as the effects that were found, if a fit of every drive's effects alone puts any beyond what is known of them.
-pub(super) fn instead(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> Vec<OtherBody> {
-    let beyond = |effect: &EffectKind| !effect.description().is_plain();
+/// What bodies do instead of effects.
+pub(super) struct Instead<'a> {
+    /// The data with the bodies released that do.
+    pub(super) data: Vec<LimbData<'a>>,
+    /// Those bodies, where what was found beside them are loads: either may be the cause.
+    pub(super) loaded: Option<Vec<OtherBody>>,
+}
+
+/// The bodies that do instead of the effects found beyond the drives': released, they leave noise alone.
+pub(super) fn instead<'a>(
+    data: &[LimbData<'a>],
+    found: &Found<Limbs>,
+    model: &Model,
+) -> Option<Instead<'a>> {
     let is_held = found.end.fits.iter().any(|fit| is_held(fit));
-    if !is_held && !found.steps.iter().any(|step| beyond(&step.effect)) {
-        return Vec::new();
+    if !is_held && beyond(found).next().is_none() {
+        return None;
     }
     let plain: Vec<Vec<Place>> = data.iter().map(with_drive).collect();
-    let end: f64 = found.end.squares.iter().map(Squares::total).sum();
-    far_with_free_bodies(data, &plain, model, (AS_WELL * end).min(told_below(data)))
+    let (fits, _) = bodies::fit(data, &plain, &how());
+    let is_released = |fit: &LimbFit| fit.less_certain().iter().any(|times| *times > 1.0);
+    if fits.len() < data.len() || !fits.iter().any(is_released) {
+        return None;
+    }
+    let freed = data.iter().zip(&fits);
+    let freed = freed.map(|(data, fit)| data.with_bodies(fit.less_certain()));
+    let mut here = beyond(found)
+        .filter(|(_, limb)| is_released(&fits[*limb]))
+        .peekable();
+    let are_loads =
+        here.peek().is_some() && here.all(|(effect, _)| effect.description().form == Form::Inertia);
+    Some(Instead {
+        data: freed.collect(),
+        loaded: are_loads.then(|| other(fits.iter(), model)),
+    })
+}
+
+/// The effects found beyond the drives', and at which limb.
+fn beyond<'f>(found: &'f Found<Limbs>) -> impl Iterator<Item = (EffectKind, usize)> + 'f {
+    let steps = found.steps.iter();
+    steps
+        .filter(|step| !step.effect.description().is_plain())
+        .flat_map(|step| step.members.iter().map(|(limb, _)| (step.effect, *limb)))
+}
+
+/// Whether nothing but bodies that are not the CAD's is missing.
+pub(super) fn are_all(bodies: &[OtherBody], found: &Found<Limbs>) -> bool {
+    !bodies.is_empty() && beyond(found).next().is_none()
+}
+
+/// The bodies that fits put beyond what is known of them.
+fn other<'f>(fits: impl Iterator<Item = &'f LimbFit<'f>> + Clone, model: &Model) -> Vec<OtherBody> {
+    let all: Vec<_> = fits.clone().flat_map(parameters).collect();
+    other_bodies(all.iter().map(|own| &own.estimate), &released(fits), model)
 }
 
 /// The bodies that the model at the end puts beyond what is known of them; none of a model that does not predict.
@@ -51,9 +90,7 @@ pub(super) fn beside(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> 
     if end > told_below(data) {
         return Vec::new();
     }
-    let fits = found.end.fits.iter();
-    let all: Vec<_> = fits.flat_map(|fit| parameters(fit)).collect();
-    other_bodies(all.iter().map(|own| &own.estimate), model)
+    other(found.end.fits.iter().map(|fit| &**fit), model)
 }
 
 /// Held-out squares below which a model tells bodies, (N m)².
@@ -136,28 +173,4 @@ fn with_drive(limb: &LimbData) -> Vec<Place> {
         }
     }
     places
-}
-
-/// The bodies that a model of the effects `places` puts far from the CAD's where nothing holds them nearer than the CAD's uncertainty; none if
-/// its held-out squares are `most` or more, (N m)²: then it is not known to be the model.
-fn far_with_free_bodies(
-    data: &[LimbData],
-    places: &[Vec<Place>],
-    model: &Model,
-    most: f64,
-) -> Vec<OtherBody> {
-    let how = How {
-        far_bodies: FarBodies::Released,
-        ..How::default()
-    };
-    let (fits, _) = robot::fit(data, places, &how);
-    let squares = |fit: &LimbFit| Some(fit.data.squares(&fit.predicted_held_out()?).total());
-    let squares: Option<f64> = fits.iter().map(squares).sum();
-    if squares.is_none_or(|squares| squares >= most) {
-        return Vec::new();
-    }
-    let all: Vec<_> = fits.iter().flat_map(|fit| parameters(fit)).collect();
-    let mut bodies = other_bodies(all.iter().map(|own| &own.estimate), model);
-    bodies.retain(|body| body.z > FAR);
-    bodies
 }

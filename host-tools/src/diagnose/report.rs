@@ -2,6 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::bodies;
 use super::changed::changed;
 use super::path::path;
 use super::{
@@ -84,8 +85,14 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         second_encoder: (d.each_twist())
             .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
-        bodies: text::bodies(&d.bodies, d.bodies_instead),
-        bodies_instead: d.bodies_instead,
+        bodies: match &d.loaded {
+            Some(loaded) => text::bodies(loaded, true),
+            None => text::bodies(&d.bodies, false),
+        },
+        bodies_instead: match &d.loaded {
+            Some(loaded) => !loaded.is_empty(),
+            None => d.freed && bodies::are_all(&d.bodies, &d.found),
+        },
         formulas,
         outside_catalogue,
         every_window: None,

@@ -377,6 +377,13 @@ impl<'a> LimbFit<'a> {
         held || self.problem.has_far_body(&self.solution)
     }
 
+    /// How many times less certain each body is than the model states: more than once where it was released.
+    pub(crate) fn less_certain(&self) -> Vec<f64> {
+        let stated = self.data.bodies_stated();
+        let both = self.problem.bodies.iter().zip(&stated);
+        both.map(|((_, now), (_, stated))| now / stated).collect()
+    }
+
     /// Whether entry k's value is that of a derivative.
     pub(crate) fn is_derivative(&self, entry: usize) -> bool {
         self.columns.entries[entry]

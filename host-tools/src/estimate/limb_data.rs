@@ -39,6 +39,8 @@ pub(crate) struct LimbData<'a> {
     at_rest: bool,
     /// Reported over true velocity of each joint, as the motion was made with.
     pub(crate) velocity_gain: Vec<f64>,
+    /// How many times less certain each body is than the model states.
+    less_certain: Vec<f64>,
     subtree_end: Vec<usize>,
     /// What of rows the motion alone makes.
     integrals: Arc<Integrals>,
@@ -120,6 +122,7 @@ impl<'a> LimbData<'a> {
                 .map(|window| is_not_asked(recording, window.samples))
                 .collect(),
             at_rest: false,
+            less_certain: vec![1.0; n],
             subtree_end: limb.bodies.clone().map(end).collect(),
             model,
             limb,
@@ -284,13 +287,29 @@ impl<'a> LimbData<'a> {
         Rows::of(motion, body, &self.integrals, values, columns, &chosen)
     }
 
-    /// The CAD's bodies, each with its relative uncertainty.
-    pub(crate) fn bodies_before(&self) -> Vec<(InertialParameters<f64>, f64)> {
+    /// Each body as the model states it, and its relative uncertainty.
+    pub(crate) fn bodies_stated(&self) -> Vec<(InertialParameters<f64>, f64)> {
         let of = |b: usize| {
             let body = &self.model.robot().bodies()[b];
             (body.inertia, self.model.cad_uncertainty(b))
         };
         self.limb.bodies.clone().map(of).collect()
+    }
+
+    /// The same as a fit begins with it: of bodies that are released, less certain.
+    pub(crate) fn bodies_before(&self) -> Vec<(InertialParameters<f64>, f64)> {
+        let stated = self.bodies_stated().into_iter().zip(&self.less_certain);
+        stated
+            .map(|((cad, relative), times)| (cad, times * relative))
+            .collect()
+    }
+
+    /// The same data, each body as many times less certain than the model states.
+    pub(crate) fn with_bodies(&self, less_certain: Vec<f64>) -> Self {
+        Self {
+            less_certain,
+            ..self.clone()
+        }
     }
 
     /// What models predict, each of the windows of its own fold, N m.

@@ -4,10 +4,12 @@ use std::collections::HashMap;
 use std::fmt;
 
 use proprio_core::inertia::INERTIAL;
+use proprio_solve::far::FARTHEST;
 use serde::Serialize;
 
 use super::Fitted;
 use crate::estimate::ParameterEstimate;
+use crate::estimate::fit::LimbFit;
 use crate::model::{Model, significant};
 use crate::parameter::{INERTIAL_NAMES, name_at};
 
@@ -28,6 +30,8 @@ pub enum BodyQuantity {
     CentreOfMass(usize),
     /// Moment of inertia about x, y or z of the joint frame, kg m².
     Inertia(usize),
+    /// All ten numbers together: how many times as far from the model's as bodies of the stated uncertainty are, 1 of a hundred farther.
+    Together,
 }
 
 /// A body that is not the CAD's.
@@ -52,6 +56,13 @@ impl fmt::Display for OtherBody {
             BodyQuantity::Mass => ("mass".to_owned(), "kg"),
             BodyQuantity::CentreOfMass(n) => (format!("centre of mass along {}", axis(n)), "m"),
             BodyQuantity::Inertia(n) => (format!("moment of inertia about {}", axis(n)), "kg m²"),
+            BodyQuantity::Together => {
+                let (link, times) = (&self.link, significant(self.value[0], 2));
+                return write!(
+                    f,
+                    "{link}: its inertial parameters together differ {times} times as much from the URDF's as its uncertainty allows: a load, or a wrong URDF"
+                );
+            }
         };
         let with_std = |[value, std]: [f64; 2]| {
             format!("{} ± {} {unit}", significant(value, 3), significant(std, 2))
@@ -69,13 +80,36 @@ impl fmt::Display for OtherBody {
 impl Fitted {
     /// The bodies that these logs put beyond what was known of them, each with what differs most; the farthest first.
     pub fn other_bodies(&self, model: &Model) -> Vec<OtherBody> {
-        other_bodies(self.parameters.iter().map(|own| &own.estimate), model)
+        let parameters = self.parameters.iter().map(|own| &own.estimate);
+        other_bodies(parameters, &self.released, model)
     }
 }
 
-/// The bodies that a fit's parameters put beyond what was known of them, the farthest first; the trunk is `base`.
+/// A body that fits have released from the CAD's, by its number in the robot, and how many times as far from it it is as bodies are.
+pub(crate) type Released = (usize, f64);
+
+/// The bodies that fits have released.
+pub(crate) fn released<'f, 'd: 'f>(
+    fits: impl IntoIterator<Item = &'f LimbFit<'d>>,
+) -> Vec<Released> {
+    let of = |fit: &LimbFit| {
+        let less_certain = fit.less_certain().into_iter().enumerate();
+        let released = less_certain.filter(|(_, times)| *times > 1.0);
+        let first = fit.data.limb.bodies.start;
+        let far = |(b, times): (usize, f64)| {
+            let distance = times * times * fit.problem.distance(&fit.solution, b);
+            (first + b, (distance / FARTHEST).sqrt())
+        };
+        released.map(far).collect::<Vec<_>>()
+    };
+    fits.into_iter().flat_map(of).collect()
+}
+
+/// The bodies that a fit's parameters put beyond what was known of them, the farthest first; the trunk is `base`. Of one that was `released` and no number
+/// alone is sure, all together.
 pub(crate) fn other_bodies<'a>(
     parameters: impl Iterator<Item = &'a ParameterEstimate>,
+    released: &[Released],
     model: &Model,
 ) -> Vec<OtherBody> {
     let known: HashMap<&str, &ParameterEstimate> =
@@ -86,6 +120,18 @@ pub(crate) fn other_bodies<'a>(
         .chain(bodies)
         .filter_map(|(name, link)| other_body(&known, name, link))
         .collect();
+    for &(body, times) in released.iter().filter(|(_, times)| *times > 1.0) {
+        let link = &model.robot().bodies()[body].link_name;
+        if found.iter().all(|known| known.link != *link) {
+            found.push(OtherBody {
+                link: link.clone(),
+                quantity: BodyQuantity::Together,
+                value: [times, 0.0],
+                stated: [1.0, 0.0],
+                z: times,
+            });
+        }
+    }
     found.sort_by(|a, b| b.z.total_cmp(&a.z));
     found
 }
@@ -140,6 +186,7 @@ impl BodyQuantity {
             }
             // Ixx, Iyy and Izz among Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
             Self::Inertia(n) => Some(phi[4 + [0, 3, 5][n]]),
+            Self::Together => None,
         }
     }
 }
@@ -164,7 +211,7 @@ mod tests {
                 at_bound: false,
             })
             .collect();
-        other_bodies(all.iter(), &Model::default())
+        other_bodies(all.iter(), &[], &Model::default())
     }
 
     #[test]

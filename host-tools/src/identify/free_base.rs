@@ -252,7 +252,7 @@ pub(crate) fn walk_bodies(
     if !walks.know_the_trunk() {
         return Vec::new();
     }
-    other_bodies(without_loaded(structure, values).iter(), model)
+    other_bodies(without_loaded(structure, values).iter(), &[], model)
 }
 
 /// The values but for those of bodies that carry a load: that is told by itself.

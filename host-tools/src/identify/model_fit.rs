@@ -170,7 +170,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = fit.deviations();
     // What was stated, of a body that was released too.
     let mut stated = fit.problem.without_data();
-    stated.bodies = fit.data.bodies_before();
+    stated.bodies = fit.data.bodies_stated();
     let prior = stated.solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);

@@ -129,9 +129,9 @@ fn a_body_is_released_where_the_ticked_model_is_complete() {
     browser.resize(1280, 900, false);
     browser.open(&folder.join("compare.html"));
     let complete = agrees(&mut browser, &folder, &[]);
-    let without = agrees(&mut browser, &folder, &["coulomb"]);
+    let without = agrees(&mut browser, &folder, &["bias"]);
     assert!(without > 2.0 * complete, "{complete} → {without}");
-    agrees(&mut browser, &folder, &["coulomb", "presliding:FR_calf"]);
+    agrees(&mut browser, &folder, &["bias", "presliding:FR_calf"]);
 }
 
 /// What the page draws follows the ticks: the joint's bar, its colour, its residual.

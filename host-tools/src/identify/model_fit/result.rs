@@ -14,6 +14,7 @@ use crate::estimate::robot::Shared;
 use crate::estimate::stages::Stage;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::identifiability::{BaseParameter, Identifiability, NullDirection};
+use crate::identify::bodies::{Released, released};
 use crate::identify::runs::{self, Consistency, Run};
 use crate::identify::to_model::NotAModel;
 use crate::model::{BASE, Model, Provenance};
@@ -54,6 +55,9 @@ pub struct Fitted {
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
     pub warnings: Vec<String>,
+    /// The bodies that were released from the CAD's.
+    #[serde(skip)]
+    pub(in crate::identify) released: Vec<Released>,
 }
 
 /// A parameter and where it belongs in the model.
@@ -167,6 +171,7 @@ impl Fitted {
             logs: recording.logs.clone(),
             every_window: None,
             warnings: recording.warnings.clone(),
+            released: released(fits),
         }
     }
 
