@@ -37,7 +37,7 @@ pub use models::{ModelError, ModelJoint, ModelsComparison};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
-pub use rollout::{HorizonError, JointRollout, RolledJoint, Rollout, rollout};
+pub use rollout::{Gains, HorizonError, JointRollout, RolledJoint, Rollout, Under, rollout};
 pub use save::save;
 pub use values::EffectValue;
 
@@ -98,7 +98,8 @@ pub struct Comparison {
     /// What a black box could still take away, blind to torque; absent where too little of the logs can be held out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub black_box: Option<BlackBox>,
-    /// Where and when each joint's error is, and whether it is noise.
+    /// Where and when each joint's error is, and whether it is noise: nine tenths of an object, which is left out where it is empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub criticism: Vec<Criticism>,
     /// Of long logs, of which all the rest here is of a drawn part: the errors over every window; none where values are fitted.
     #[serde(skip_serializing_if = "Option::is_none")]

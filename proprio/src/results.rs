@@ -199,7 +199,7 @@ impl fmt::Display for Comparison {
 }
 
 impl Comparison {
-    /// What `proprio compare --json` prints: one object.
+    /// What `proprio compare --json --verbose` prints: one object.
     pub fn json(&self) -> String {
         judged("compare", self.told.error(), &self.told)
     }

@@ -234,7 +234,7 @@ class Comparison:
     def warnings(self) -> list[str]:
         """What is to be known of the logs, a sentence each."""
     def to_dict(self) -> dict[str, Any]:
-        """What `proprio compare --json` prints (docs/schema/compare.json)."""
+        """What `proprio compare --json --verbose` prints (docs/schema/compare.json)."""
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`: joint, t, q, dq, tau, predicted, residual; a row per joint and window."""
     def to_polars(self) -> Any:

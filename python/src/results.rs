@@ -340,7 +340,7 @@ impl Comparison {
         self.comparison.warnings.clone()
     }
 
-    /// What `proprio compare --json` prints, as Python's own objects.
+    /// What `proprio compare --json --verbose` prints, as Python's own objects.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         parsed(py, &self.comparison.json())
     }

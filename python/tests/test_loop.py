@@ -52,10 +52,10 @@ class Loop(InFolder):
         own = self.fitted.to_dict()
         self.assertEqual(own, self.json("identify", hidden, "-m", "found.toml", "-o", "fitted.toml", "--force"))
         model = proprio.Model.load(self.folder / "fitted.toml")
-        self.assertEqual(proprio.compare(self.other, model).to_dict(), self.json("compare", other, "-m", "fitted.toml"))
+        self.assertEqual(proprio.compare(self.other, model).to_dict(), self.json("compare", other, "-m", "fitted.toml", "--verbose"))
         # What Python writes the command reads as the same model.
         self.fitted.model.save(self.folder / "python.toml")
-        theirs = self.json("compare", other, "-m", "python.toml")
+        theirs = self.json("compare", other, "-m", "python.toml", "--verbose")
         self.assertEqual(self.comparison.to_dict(), theirs)
         self.assertEqual(self.comparison.rms, theirs["rms"])
 
@@ -194,7 +194,7 @@ class Wheel(InFolder):
         self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_the_command_is_the_rust_programs(self):
-        program = PYTHON.parent / "target/release/proprio"
+        program = PYTHON.parent / os.environ.get("CARGO_TARGET_DIR", "target") / "release/proprio"
         if not program.exists():
             self.skipTest("cargo has not built the command")
         for words in (["--help"], ["effects", "spring"], ["compare", "hidden.csv"], ["compare", "none.csv"], ["compare"]):

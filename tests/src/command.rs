@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 
+use proprio_host::live::HAS_DDS;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -34,6 +35,8 @@ pub fn binary() -> &'static Path {
                 "--bin",
                 "proprio",
             ])
+            // As these tests were built: with other features cargo compiles the rooms again.
+            .args(HAS_DDS.then_some("--features=dds"))
             .args(["--profile", profile, "--target-dir"])
             .arg(
                 folder

@@ -171,6 +171,52 @@ fn one_effect_is_one_attribute() {
     assert_eq!(exported(folder.path(), &["--mjcf", "user.xml"]), expected);
 }
 
+/// What a drive gives at most is the limit of effort that simulators hold it to; without velocity's URDF has none.
+#[test]
+fn a_saturation_is_a_limit_of_effort() {
+    let folder = folder();
+    model_with(folder.path(), |model| {
+        model
+            .set_effect(EffectKind::Saturation, 4, 17.5, Some(0.2))
+            .unwrap();
+        model
+            .set_effect(EffectKind::Viscous, 4, 0.03, None)
+            .unwrap();
+    });
+    let urdf = fs::read_to_string(oracle("go2.urdf")).unwrap();
+    let limit =
+        "    <limit lower=\"-1.5708\" upper=\"3.4907\" effort=\"23.7\" velocity=\"30.1\"/>\n";
+    let ours = limit.replace("23.7", "17.5") + "    <dynamics damping=\"0.03\"/>\n";
+    assert!(urdf.contains(limit));
+    let written = exported(folder.path(), &["--urdf", "go2.urdf"]);
+    assert_eq!(written, urdf.replacen(limit, &ours, 1));
+    let whole = exported(folder.path(), &["--urdf"]);
+    let whole_limit = "upper=\"3.4907\" effort=\"17.5\" velocity=\"30.1\"/>";
+    assert_eq!(whole.matches("effort=\"17.5\"").count(), 1);
+    assert!(whole.contains(whole_limit), "{whole}");
+    let path = folder.path().join("limited.urdf");
+    fs::write(&path, &written).unwrap();
+    let limited = Robot::from_urdf(&path).unwrap();
+    let mut bodies = limited.bodies().iter();
+    let thigh = bodies.find(|body| body.joint_name == "FL_thigh_joint");
+    assert_eq!(thigh.unwrap().effort, 17.5);
+
+    let unlimited = urdf.replacen(limit, "", 1);
+    assert_ne!(unlimited, urdf);
+    let unlimited = unlimited.replacen(
+        "<joint name=\"FL_thigh_joint\" type=\"revolute\">",
+        "<joint name=\"FL_thigh_joint\" type=\"continuous\">",
+        1,
+    );
+    fs::write(folder.path().join("go2.urdf"), unlimited).unwrap();
+    let output = export(folder.path(), &["--urdf", "go2.urdf", "-o", "out.urdf"]);
+    assert_eq!(
+        stderr(&output),
+        "note: left out: saturation (FL_thigh): the joint has no <limit>, which needs a\n  velocity too\n"
+    );
+    assert!(stdout(&output).contains("1 effects"), "{}", stdout(&output));
+}
+
 /// The first body of a file is changed, the rest of the file is not.
 #[test]
 fn one_body_is_one_inertial() {

@@ -31,7 +31,7 @@ impl Said {
         Self {
             has_file: model.is_some(),
             compare: say("compare", &["--given"]),
-            fitted: say("compare", &["--fit"]),
+            fitted: say("compare", &["--fit", "--verbose"]),
             diagnose: say("diagnose", &[]),
             identify: say("identify", &[]),
         }

@@ -8,6 +8,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use proprio_host::live::HAS_DDS;
 use proprio_tests::command::{
     binary, done, folder, json, parameter, piped, proprio, refusal, schema_of, simulated, start,
     stderr, stdout,
@@ -617,10 +618,11 @@ fn what_is_no_source_is_refused_with_the_way() {
     let known = [&known[..], &["--at", "FL_calf=lower"]].concat();
     let said = refusal(at, &[&port[..], &known].concat());
     assert!(said.contains("/dev/no-such-port"), "{said}");
-    // This build has no DDS, and says how one with it is made.
-    let said = refusal(at, &["record", "dds:eth0", "-o", "log.csv"]);
-    assert!(
-        said.contains("cargo install --path proprio --features dds"),
-        "{said}"
-    );
+    // A build without DDS says how one with it is made; one with it listens on no interface but the one that is named.
+    let said = refusal(at, &["record", "dds:nowhere", "-o", "log.csv"]);
+    let words = match HAS_DDS {
+        false => "cargo install --path proprio --features dds",
+        true => "no network interface is called nowhere",
+    };
+    assert!(said.contains(words), "{said}");
 }

@@ -1,4 +1,4 @@
-//! `compare --rollout`: a model run forward under the measured torque.
+//! `compare --rollout`: a model run forward under the measured torque, or by what its drives were asked to do.
 
 use std::fs;
 use std::path::Path;
@@ -149,6 +149,159 @@ fn the_screen_and_the_page_have_all() {
     assert_eq!(part["horizons"][3]["rms"], Value::Null);
 }
 
+const JOINTS: [&str; 3] = ["FR_hip", "FR_thigh", "FR_calf"];
+/// Rows a second of the motion and of the log: a command holds for one, and a controller of 4 kHz sees it between two.
+const RATE: f64 = 2000.0;
+const GAINS: [f64; 2] = [40.0, 1.5];
+
+/// A leg that follows sines, with a Go2's typical drives: `log.csv` has what they were asked to do, `motion.csv` too.
+fn followed(folder: &Path) {
+    let centre = [0.0, 0.9, -1.7];
+    let channels = ["q", "dq", "ddq", "tau", "kp", "kd"];
+    let names = channels
+        .iter()
+        .flat_map(|c| JOINTS.map(|joint| format!(",{c}/{joint}")));
+    let mut motion = format!("t{}\n", names.collect::<String>());
+    let rows = (6.0 * RATE) as usize;
+    for k in 0..=rows {
+        let t = k as f64 / RATE;
+        let part = |of: &dyn Fn(f64, f64) -> f64| -> String {
+            let joint = |j: usize| {
+                let (w, v) = (3.0 + 2.1 * j as f64, 11.0 - 3.3 * j as f64);
+                format!(",{}", of(w, 0.3) + of(v, 0.05) + of(0.0, centre[j]))
+            };
+            (0..3).map(joint).collect()
+        };
+        motion += &format!("{t}");
+        // A sine that begins at rest in the middle, and its derivatives; of no frequency a constant.
+        motion += &part(&|w, a| {
+            if w == 0.0 {
+                a
+            } else {
+                a * (1.0 - (w * t).cos())
+            }
+        });
+        motion += &part(&|w, a| a * w * (w * t).sin());
+        motion += &part(&|w, a| a * w * w * (w * t).cos());
+        for number in [0.0, GAINS[0], GAINS[1]] {
+            motion += &format!(",{number}").repeat(3);
+        }
+        motion.push('\n');
+    }
+    fs::write(folder.join("motion.csv"), &motion).unwrap();
+    let rate = RATE.to_string();
+    let words = [
+        "simulate",
+        "--follow",
+        "motion.csv",
+        "--typical",
+        "--rate",
+        &rate,
+        "-o",
+        "bare.csv",
+    ];
+    done(folder, &words);
+    let bare = fs::read_to_string(folder.join("bare.csv")).unwrap();
+    assert_eq!(bare.lines().count(), motion.lines().count());
+    let joined = bare
+        .lines()
+        .zip(motion.lines())
+        .enumerate()
+        .map(|(n, (log, motion))| {
+            let cells: Vec<&str> = motion.split(',').collect();
+            let command = match n {
+                0 => ["q_des", "dq_des", "tau_des", "kp", "kd"]
+                    .map(|channel| JOINTS.map(|joint| format!("{channel}/{joint}")).join(","))
+                    .join(","),
+                _ => [&cells[1..7], &cells[10..]].concat().join(","),
+            };
+            format!("{log},{command}\n")
+        });
+    fs::write(folder.join("log.csv"), joined.collect::<String>()).unwrap();
+}
+
+/// `log.csv` without some of its channels.
+fn without(folder: &Path, channels: &[&str], name: &str) {
+    let log = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let header: Vec<&str> = log.lines().next().unwrap().split(',').collect();
+    let channel = |column: &str| column.split('/').next().unwrap().to_owned();
+    let kept: Vec<bool> = (header.iter())
+        .map(|column| !channels.contains(&channel(column).as_str()))
+        .collect();
+    let line = |line: &str| -> String {
+        let cells = line.split(',').zip(&kept).filter(|(_, kept)| **kept);
+        cells.map(|(cell, _)| cell).collect::<Vec<_>>().join(",") + "\n"
+    };
+    fs::write(folder.join(name), log.lines().map(line).collect::<String>()).unwrap();
+}
+
+/// Drives that follow the log's commands stay with the motion where the model is right, and the CAD without friction does not. Gains may be the log's, or
+/// stated; what is missing is refused.
+#[test]
+fn drives_follow_what_they_were_asked_to_do() {
+    let folder = folder();
+    let folder = folder.path();
+    followed(folder);
+    done(folder, &["identify", "log.csv", "-o", "fitted.toml"]);
+    let commanded = ["--rollout=commanded", "--given"];
+    let run = |log: &str, more: &[&str]| {
+        let words = [
+            &["compare", log, "-m", "fitted.toml", "--json"],
+            &commanded[..],
+            more,
+        ];
+        json(&done(folder, &words.concat()))
+    };
+    let found = run("log.csv", &[]);
+    assert_eq!(found["torque"], "commanded");
+    let (own, cad) = (errors(&found, "rms"), errors(&found, "cad_rms"));
+    println!("{own:?} {cad:?}");
+    for (own, cad) in own.iter().zip(&cad) {
+        assert!(*own < 1.5e-3 && *own < 0.2 * cad, "{own} {cad}");
+    }
+
+    without(folder, &["kp", "kd", "tau_des"], "gains.csv");
+    let stated = run(
+        "gains.csv",
+        &["--kp", "1,FR_hip=40,FR_thigh=40,FR_calf=40", "--kd", "1.5"],
+    );
+    assert_eq!(stated["horizons"], found["horizons"]);
+    let softer = run("log.csv", &["--kp", "20"]);
+    assert!(errors(&softer, "rms")[2] > 5.0 * own[2]);
+
+    let refused = |log: &str, words: [&str; 2]| {
+        let asked = [&["compare", log, "-m", "fitted.toml"], &commanded[..]].concat();
+        let output = proprio(folder, &asked);
+        assert_eq!(output.status.code(), Some(1), "{log}");
+        for words in words {
+            assert!(stderr(&output).contains(words), "{}", stderr(&output));
+        }
+    };
+    refused(
+        "gains.csv",
+        ["FR_hip has a commanded position", "--kp 25 --kd 0.5"],
+    );
+    refused("bare.csv", ["no column `q_des/FR_hip`", "tau_des/JOINT"]);
+
+    // Without gains the commanded torque is all: here the measured one.
+    let log = fs::read_to_string(folder.join("bare.csv")).unwrap();
+    let (header, rows) = log.split_once('\n').unwrap();
+    let names = JOINTS.map(|joint| format!("tau_des/{joint}")).join(",");
+    let rows = rows.lines().map(|row| {
+        let cells: Vec<&str> = row.split(',').collect();
+        format!("{row},{}\n", cells[7..10].join(","))
+    });
+    let text = format!("{header},{names}\n{}", rows.collect::<String>());
+    fs::write(folder.join("torque.csv"), text).unwrap();
+    let alone = errors(&run("torque.csv", &[]), "rms");
+    let measured = rollout(folder, "fitted.toml", &["--given"]);
+    let measured = errors(&measured, "rms");
+    assert!(
+        (alone[0] / measured[0] - 1.0).abs() < 0.2,
+        "{alone:?} {measured:?}"
+    );
+}
+
 #[test]
 fn what_is_no_rollout_is_refused_with_words() {
     let folder = folder();
@@ -171,4 +324,8 @@ fn what_is_no_rollout_is_refused_with_words() {
         assert_eq!(output.status.code(), Some(2), "{more:?}");
         assert!(stderr(&output).contains(words), "{}", stderr(&output));
     }
+    let words = ["compare", "log.csv", "--rollout", "--kp", "25"];
+    let output = proprio(folder.path(), &words);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("are of --rollout=commanded"));
 }

@@ -52,7 +52,7 @@ fn each_command_holds_to_its_schema() {
     for line in QUICK.lines() {
         let words: Vec<&str> = line.split(' ').chain(["--json"]).collect();
         let printed = json(&done(folder.path(), &words));
-        let schema = format!("proprio.{}/1", words[0]);
+        let schema = schema_name(words[0]);
         assert_eq!(printed["schema"], *schema);
         if ["compare", "diagnose", "identify"].contains(&words[0]) && !words[1].starts_with("--") {
             assert!(
@@ -80,6 +80,45 @@ fn each_command_holds_to_its_schema() {
     }
 }
 
+/// A command's object, by name and number.
+fn schema_name(command: &str) -> String {
+    let number = if command == "compare" { 2 } else { 1 };
+    format!("proprio.{command}/{number}")
+}
+
+/// What a program reads of each joint, place and moment is a tenth of the object; the tests of the residual come by request.
+#[test]
+fn compare_prints_the_tests_of_the_residual_by_request() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--legs",
+            "FR",
+            "--duration",
+            "8",
+            "-o",
+            "log.csv",
+        ],
+    );
+    let said = |more: &[&str]| {
+        let words = [&["compare", "log.csv", "--json"], more].concat();
+        done(folder.path(), &words)
+    };
+    let (short, long) = (said(&[]), said(&["--verbose"]));
+    assert!(
+        3 * short.len() < long.len(),
+        "{} {}",
+        short.len(),
+        long.len()
+    );
+    let (short, mut long) = (json(&short), json(&long));
+    let tests = long.as_object_mut().unwrap().remove("criticism").unwrap();
+    assert_eq!(tests.as_array().unwrap().len(), 3);
+    assert_eq!(short, long);
+}
+
 /// Standard output has an object and standard error the words, whatever the command; without --json there are the words alone.
 #[test]
 fn a_refusal_is_json_too() {
@@ -89,7 +128,7 @@ fn a_refusal_is_json_too() {
         let refused = proprio(folder.path(), &[command, "bad.csv", "--json"]);
         assert_eq!(refused.status.code(), Some(1), "{command}");
         let told: Value = json(&stdout(&refused));
-        assert_eq!(told["schema"], *format!("proprio.{command}/1"));
+        assert_eq!(told["schema"], *schema_name(command));
         assert_eq!(told["verdict"], "refused");
         let words = stderr(&refused);
         assert!(words.contains(told["reason"].as_str().unwrap()), "{words}");

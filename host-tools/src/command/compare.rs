@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use crate::compare::{
-    Comparison, ModelsComparison, ValuesFrom, compare, compare_free_base_without, compare_without,
-    rollout, save,
+    Comparison, Gains, ModelsComparison, Under, ValuesFrom, compare, compare_free_base_without,
+    compare_without, rollout, save,
 };
 use crate::detect::mismatch::mismatches;
 use crate::kinematics::{Poses, compare_poses, is_pose_file};
 use crate::model::{AskedError, Model, ModelEffect, asked_texts};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
-use clap::Args;
 use clap::error::ErrorKind;
+use clap::{Args, ValueEnum};
 
 use super::result::judged;
 use super::{Error, remove, unreadable};
@@ -28,7 +28,9 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
 /// same holds for values of a diagnosis of these very logs, as after `diagnose --apply`. Time in which a foot carries a force is
 /// reported and excluded.
 ///
-/// With --rollout the model runs forward instead, under the measured torque: the error is that of the position after 0.1 to 1 s.
+/// With --rollout the model runs forward instead, under the measured torque: the error is that of the position after 0.1 to 1 s. With
+/// --rollout=commanded its drives follow what they were asked to do, as in a simulator: tau_des + kp (q_des - q) + kd (dq_des - dq) of the
+/// simulated motion.
 ///
 /// A file of measured poses is compared as `calibrate` reads it: the error in mm, by target and pose.
 #[derive(Debug, Args)]
@@ -42,6 +44,7 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
   proprio compare chirp.csv --model go2.toml -o residuals.mcap
   proprio compare chirp.csv -m cad.toml -m fitted.toml -m mine.toml --html models.html
   proprio compare chirp.csv --model go2.toml --rollout --html rollout.html
+  proprio compare chirp.csv --model go2.toml --rollout=commanded --kp 25 --kd 0.5
   proprio compare --free-base walk.csv --model go2.toml
   proprio compare poses.csv --model arm.toml
   proprio compare chirp.csv --model go2.toml --json")]
@@ -61,9 +64,15 @@ pub(crate) struct Compare {
     /// The robot is on its feet (floating base): contact forces are eliminated; from logs with gyro/ and acc/ columns
     #[arg(long, conflicts_with_all = ["at_rest", "output"])]
     free_base: bool,
-    /// Run the model forward under the measured torque, from the measured state anew every 0.1, 0.2, 0.5 and 1 s: the error of the position
-    #[arg(long)]
-    rollout: bool,
+    /// Run the model forward, from the measured state anew every 0.1, 0.2, 0.5 and 1 s: the error of the position
+    #[arg(long, value_name = "TORQUE", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "measured")]
+    rollout: Option<RolloutTorque>,
+    /// Gain of position of the drives, of --rollout=commanded, N m/rad [default: the log's kp/]
+    #[arg(long, value_name = "[JOINT=]KP", value_delimiter = ',', value_parser = parse_gain)]
+    kp: Vec<Gain>,
+    /// Gain of velocity of the drives, of --rollout=commanded, N m s/rad [default: the log's kd/]
+    #[arg(long, value_name = "[JOINT=]KD", value_delimiter = ',', value_parser = parse_gain)]
+    kd: Vec<Gain>,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with = "fit")]
     at_rest: bool,
@@ -75,7 +84,7 @@ pub(crate) struct Compare {
     without: Vec<String>,
     #[command(flatten)]
     part: super::Part,
-    /// Print each joint's error, where and when the model fails
+    /// Print each joint's error, where and when the model fails; with --json also the tests of each joint's residual, bins and lags
     #[arg(short, long)]
     verbose: bool,
     /// Print every place and moment where the model fails, not the worst ones only
@@ -92,6 +101,33 @@ pub(crate) struct Compare {
     json: bool,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RolloutTorque {
+    /// That the motors reported
+    Measured,
+    /// By the log's q_des/, dq_des/, tau_des/ and the drives' gains
+    Commanded,
+}
+
+/// A gain of all drives, or of a joint's.
+#[derive(Debug, Clone)]
+struct Gain {
+    joint: Option<String>,
+    value: f64,
+}
+
+fn parse_gain(text: &str) -> Result<Gain, String> {
+    let (joint, number) = match text.rsplit_once('=') {
+        Some((joint, number)) => (Some(joint.trim().to_owned()), number),
+        None => (None, text),
+    };
+    let value = number.trim().parse().ok();
+    match value.filter(|gain: &f64| gain.is_finite() && *gain >= 0.0) {
+        Some(value) => Ok(Gain { joint, value }),
+        None => Err("not a gain: 25, or FR_calf=40".to_owned()),
+    }
+}
+
 impl Compare {
     pub(crate) fn run(self) -> Result<String, Error> {
         self.check_rollout();
@@ -104,8 +140,8 @@ impl Compare {
         if self.free_base {
             return self.run_free_base();
         }
-        if self.rollout {
-            return self.run_rollout();
+        if let Some(torque) = self.rollout {
+            return self.run_rollout(torque);
         }
         let mut model = super::model_or_default(self.file(), false)?;
         let given = model.clone();
@@ -134,10 +170,18 @@ impl Compare {
                 .write(path)?;
         }
         Ok(if self.json {
+            self.shorten(&mut comparison);
             judged("compare", comparison.error(), &comparison)
         } else {
             self.text(&comparison)
         })
+    }
+
+    /// Leaves the tests of each joint's residual, bin by bin and lag by lag, to --verbose.
+    fn shorten(&self, comparison: &mut Comparison) {
+        if !self.verbose {
+            comparison.criticism.clear();
+        }
     }
 
     /// What a rollout is not of, in words.
@@ -157,19 +201,52 @@ impl Compare {
                 "-m more than once: run it for each model",
             ),
         ];
-        if let Some((_, words)) = other.iter().find(|(given, _)| self.rollout && *given) {
+        if let Some((_, words)) = (other.iter()).find(|(given, _)| self.rollout.is_some() && *given)
+        {
             let message = format!("--rollout does not take {words}");
+            super::usage_error("compare", ErrorKind::ArgumentConflict, message);
+        }
+        let has_gains = !self.kp.is_empty() || !self.kd.is_empty();
+        if has_gains && self.rollout != Some(RolloutTorque::Commanded) {
+            let message = "--kp and --kd are of --rollout=commanded".to_owned();
             super::usage_error("compare", ErrorKind::ArgumentConflict, message);
         }
     }
 
+    /// What moves the model in a rollout.
+    fn under(&self, torque: RolloutTorque, model: &Model) -> Under {
+        let of = |gains: &[Gain]| -> Vec<(Option<usize>, f64)> {
+            let gains = gains.iter().map(|gain| {
+                let joint = gain.joint.as_deref().map(|name| {
+                    model.robot().joint(name).unwrap_or_else(|unknown| {
+                        super::usage_error(
+                            "compare",
+                            ErrorKind::ValueValidation,
+                            unknown.to_string(),
+                        )
+                    })
+                });
+                (joint, gain.value)
+            });
+            gains.collect()
+        };
+        match torque {
+            RolloutTorque::Measured => Under::Measured,
+            RolloutTorque::Commanded => Under::Commanded(Gains {
+                position: of(&self.kp),
+                velocity: of(&self.kd),
+            }),
+        }
+    }
+
     /// The model run forward.
-    fn run_rollout(&self) -> Result<String, Error> {
+    fn run_rollout(&self, torque: RolloutTorque) -> Result<String, Error> {
         let mut model = super::model_or_default(self.file(), false)?;
         let left_out = self.change(&mut model)?;
+        let under = self.under(torque, &model);
         let recording = self.read(&model)?;
         let underway = Underway::new("Running the model");
-        let mut found = rollout(&recording, &model, &left_out, self.values())?;
+        let mut found = rollout(&recording, &model, &left_out, self.values(), &under)?;
         drop(underway);
         let wrong = mismatches(&recording, &model);
         found.warnings.extend(wrong.iter().map(ToString::to_string));
@@ -198,12 +275,11 @@ impl Compare {
     fn read(&self, model: &Model) -> Result<Recording, Error> {
         let mut progress = Progress::new("Reading");
         let told = |done, total| progress.set(done, total);
-        Ok(Recording::read_only(
-            &self.logs,
-            &self.part.only,
-            model,
-            told,
-        )?)
+        let read = match self.rollout {
+            Some(RolloutTorque::Commanded) => Recording::read_commanded,
+            _ => Recording::read_only,
+        };
+        Ok(read(&self.logs, &self.part.only, model, told)?)
     }
 
     /// Measured poses.
@@ -215,7 +291,7 @@ impl Compare {
             (self.fit, "--fit"),
             (self.given, "--given"),
             (self.at_rest, "--at-rest"),
-            (self.rollout, "--rollout"),
+            (self.rollout.is_some(), "--rollout"),
             (!self.part.only.is_empty(), "--only"),
             (self.html.is_some(), "--html"),
             (self.output.is_some(), "-o"),
@@ -243,7 +319,8 @@ impl Compare {
         let mut progress = Progress::new("Reading");
         let told = |done, total| progress.set(done, total);
         let values = self.values();
-        let comparison = compare_free_base_without(&self.logs, &model, &left_out, values, told)?;
+        let mut comparison =
+            compare_free_base_without(&self.logs, &model, &left_out, values, told)?;
         drop(progress);
         for warning in &comparison.comparison.warnings {
             eprintln!("warning: {warning}");
@@ -253,7 +330,10 @@ impl Compare {
             page.write(path)?;
         }
         Ok(match (self.json, self.all || self.verbose) {
-            (true, _) => judged("compare", comparison.comparison.error(), &comparison),
+            (true, _) => {
+                self.shorten(&mut comparison.comparison);
+                judged("compare", comparison.comparison.error(), &comparison)
+            }
             (false, true) => comparison.text(self.all),
             (false, false) => comparison.summary(self.file()).screen(&[], MORE),
         })

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::catalogue;
 use crate::summary::{Summary, wrapped};
 
+use crate::model::export::urdf_attribute;
 use crate::model::{Model, UnknownName};
 use clap::Args;
 use proprio_core::effect::{Description, EffectKind, Form, Mjcf, Moved, Parameter};
@@ -164,7 +165,7 @@ impl Entry {
                 .collect(),
             looks_like: description.look_alikes,
             told_apart_by: description.separated_by,
-            urdf: description.urdf,
+            urdf: urdf_attribute(description).map(|[_, attribute]| attribute),
             mjcf: description.mjcf.map(Mjcf::words),
         }
     }

@@ -14,8 +14,8 @@ use super::result::result;
 
 /// Write a model for simulators: URDF or MJCF
 ///
-/// Identified inertias go into the file given, and with them damping and friction (URDF) or armature, damping and
-/// frictionloss (MJCF); nothing else in it changes. Without a file a whole one is written.
+/// Identified inertias go into the file given, and with them damping, friction and limits of effort (URDF) or armature, damping,
+/// frictionloss, springs, couplings and actuatorfrcrange (MJCF); nothing else in it changes. Without a file a whole one is written.
 #[derive(Debug, Args)]
 #[command(
     group = ArgGroup::new("format").required(true).args(["urdf", "mjcf"]),

@@ -177,6 +177,12 @@ pub fn of_recording(error: &RecordingError) -> String {
             "docs/diagnose.md, \"Only a part of a log\": --only 'FR_calf: q > -1.5' or --only 't < 31.4'"
         }
         RecordingError::AtRest { .. } => AT_REST,
+        RecordingError::NoCommand { .. } => {
+            "log what the drives are asked to do: q_des/JOINT, with --kp and --kd, or tau_des/JOINT; --rollout alone takes the measured torque"
+        }
+        RecordingError::NoGains { .. } => {
+            "give the drives' gains, N m/rad and N m s/rad: --kp 25 --kd 0.5, of one joint --kp FR_calf=40; or log kp/JOINT and kd/JOINT"
+        }
         RecordingError::LimbTooLarge { .. } => {
             "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log"
         }

@@ -8,8 +8,13 @@ use crate::diagnose::Diagnosis;
 use crate::recording::LogGates;
 use crate::summary::ErrorRange;
 
-/// Grows when a key of a command's object goes or changes its meaning.
-const FORMAT: u32 = 1;
+/// The number of a command's object: it grows when a key goes or changes its meaning.
+fn format_of(command: &str) -> u32 {
+    match command {
+        "compare" => 2,
+        _ => 1,
+    }
+}
 
 #[derive(Serialize)]
 struct Named<'a, T> {
@@ -54,7 +59,7 @@ pub(super) fn refused(command: &str, error: &Error) -> String {
 
 fn named(command: &str, error: Option<ErrorRange>, result: &impl Serialize) -> String {
     json(&Named {
-        schema: format!("proprio.{command}/{FORMAT}"),
+        schema: format!("proprio.{command}/{}", format_of(command)),
         error,
         result,
     })

@@ -1,4 +1,5 @@
-//! A model run forward under the measured torque, against the measured motion: the error that a policy or a simulator sees.
+//! A model run forward under the measured torque, or by what the drives were asked to do, against the measured motion: the error that a policy or a
+//! simulator sees.
 //!
 //! Rollouts of a horizon's length follow one another and start anew from the measured state ([`crate::rollout`]); the error is that of the
 //! position at the end. Values are those of the torque's comparison, fitted ones of the fold that a rollout lies in.
@@ -16,7 +17,8 @@ use crate::estimate::robot;
 use crate::model::{JointKind, Model, ModelEffect};
 use crate::parallel::side_by_side;
 use crate::recording::{LogGates, Recording, RecordingError};
-use crate::rollout::{Rollouts, Span, is_included, spans};
+pub use crate::rollout::Gains;
+use crate::rollout::{Commands, Missing, Rollouts, Span, is_included, spans};
 use crate::summary::{ErrorRange, Summary, typed};
 use crate::table::Table;
 
@@ -27,11 +29,22 @@ const SHOWN: f64 = 0.5;
 /// Most rollouts of a limb and horizon; of more, so many spread over the log. Their rms is then known to 1/√(2 × 200) = 5 %.
 const MOST: usize = 200;
 
+/// What moves the model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Under {
+    /// The torque that the motors reported.
+    Measured,
+    /// What the drives were asked to do, with gains that the logs do not state; of a recording with commands ([`Recording::read_commanded`]).
+    Commanded(Gains),
+}
+
 /// What `proprio compare --rollout` says.
 #[derive(Debug, Clone, Serialize)]
 pub struct Rollout {
     /// What the samples of each log are worth.
     pub data: Vec<LogGates>,
+    /// Which torque moves the model: `measured` or `commanded`.
+    pub torque: &'static str,
     /// rad; m where no joint turns.
     pub unit: &'static str,
     /// Each horizon, over all joints of that unit.
@@ -106,12 +119,13 @@ pub struct RolledJoint {
 /// Runs `model`, without the effects `left_out`, forward over a recording.
 ///
 /// # Errors
-/// [`RecordingError`] if no limb can be judged, or no stretch of time is as long as the shortest horizon.
+/// [`RecordingError`] if no limb can be judged, no stretch of time is as long as the shortest horizon, or a command is asked for that no log has.
 pub fn rollout(
     recording: &Recording,
     model: &Model,
     left_out: &[ModelEffect],
     values: ValuesFrom,
+    under: &Under,
 ) -> Result<Rollout, RecordingError> {
     let Asked {
         fitted,
@@ -122,6 +136,8 @@ pub fn rollout(
     let from = if fitted { From::HeldOut } else { From::File };
     let (data, feet) = leave_out_contact(robot::data(recording, model));
     check(recording, &data, &feet, fitted)?;
+    let commands = commands(recording, &data, under)?;
+    let commanded = *under != Under::Measured;
     let before = before.as_ref().map(|before| robot::data(recording, before));
     let own = values_of(&data, from);
     let before = before.map(|data| {
@@ -131,12 +147,13 @@ pub fn rollout(
     let mut limbs = Vec::new();
     for (n, limb) in data.iter().enumerate() {
         let cad = (limb.as_reported(), vec![Values::cad(model, limb.limb)]);
+        let commands = commands[n].as_ref();
         let models = Models {
-            own: Rollouts::of(limb, &own[n]),
+            own: Rollouts::of(limb, &own[n], commands),
             before: before
                 .as_ref()
-                .map(|(data, own)| Rollouts::of(&data[n], &own[n])),
-            cad: Rollouts::of(&cad.0, &cad.1),
+                .map(|(data, own)| Rollouts::of(&data[n], &own[n], commands)),
+            cad: Rollouts::of(&cad.0, &cad.1, commands),
         };
         limbs.push(models.run(limb, fitted));
     }
@@ -156,13 +173,14 @@ pub fn rollout(
     };
     Ok(Rollout {
         data: recording.gates.clone(),
+        torque: if commanded { COMMANDED } else { "measured" },
         unit,
         horizons: (0..HORIZONS.len()).map(over_all).collect(),
         joints,
         added: names(model, &added),
         left_out: names(model, left_out),
         fitted,
-        not_included: not_included(&data),
+        not_included: not_included(&data, commanded),
         logs: recording.logs.clone(),
         warnings: (recording.warnings.iter().cloned())
             .chain(words)
@@ -172,6 +190,37 @@ pub fn rollout(
     })
 }
 
+/// Of each limb what its drives were asked to do, where the model is to follow that.
+fn commands(
+    recording: &Recording,
+    data: &[LimbData],
+    under: &Under,
+) -> Result<Vec<Option<Commands>>, RecordingError> {
+    let Under::Commanded(gains) = under else {
+        return Ok(vec![None; data.len()]);
+    };
+    let of = |limb: &LimbData| {
+        Commands::of(limb, gains)
+            .map(Some)
+            .map_err(|missing| match missing {
+                Missing::Column(channel, joint) => {
+                    let joint = limb.joint_names().swap_remove(joint);
+                    RecordingError::NoCommand {
+                        logs: recording.logs.clone(),
+                        column: channel.column(&joint),
+                        joint,
+                    }
+                }
+                Missing::Gains(joint) => RecordingError::NoGains {
+                    logs: recording.logs.clone(),
+                    joint: limb.joint_names().swap_remove(joint),
+                },
+            })
+    };
+    data.iter().map(of).collect()
+}
+
+const COMMANDED: &str = "commanded";
 const RAD: &str = "rad";
 const METRE: &str = "m";
 
@@ -188,10 +237,10 @@ fn values_of(data: &[LimbData], from: From) -> Vec<Vec<Values>> {
 }
 
 /// The models' effects with a value that no rollout has.
-fn not_included(data: &[LimbData]) -> Vec<String> {
+fn not_included(data: &[LimbData], commanded: bool) -> Vec<String> {
     let of = |limb: &LimbData| {
         let all = places(limb.model, limb.limb).map(|(_, effect)| *effect);
-        let lacks = |e: &ModelEffect| e.estimate().is_some() && !is_included(e.effect);
+        let lacks = |e: &ModelEffect| e.estimate().is_some() && !is_included(e.effect, commanded);
         names(limb.model, &all.filter(lacks).collect::<Vec<_>>())
     };
     let mut names: Vec<String> = data.iter().flat_map(of).collect();
@@ -442,8 +491,12 @@ impl Rollout {
         let mut points: Vec<String> = self.worst().into_iter().collect();
         if !self.not_included.is_empty() {
             let not = self.not_included.join(", ");
+            let drives = match self.torque {
+                COMMANDED => ", drives immediate",
+                _ => "",
+            };
             points.push(format!(
-                "Not in the rollouts, whose gears are rigid and feet free: {not}"
+                "Not in the rollouts, whose gears are rigid, feet free{drives}: {not}"
             ));
         }
         let diverged: usize = self.horizons.iter().map(|h| h.diverged).sum();
@@ -487,6 +540,9 @@ impl Rollout {
             Some(before) => format!("Rollout error {} → ", digits(Some(before))),
             None => "Rollout error ".to_owned(),
         };
+        if self.torque == COMMANDED {
+            text = text.replacen("Rollout error", "Commanded rollout error", 1);
+        }
         text += &format!(
             "{} {} rms after {} s",
             digits(first.rms),

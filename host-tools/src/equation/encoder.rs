@@ -48,6 +48,16 @@ impl Encoder {
         [q, dq, (ddq - bend * dq * dq) / slope]
     }
 
+    /// Reported position (rad) and velocity (rad/s) by the true ones.
+    pub(crate) fn reported(&self, [q, dq]: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = q.sin_cos();
+        let slope = 1.0 + self.sine * cos - self.cosine * sin;
+        [
+            q + self.offset + self.sine * sin + self.cosine * cos,
+            dq * slope,
+        ]
+    }
+
     /// Its numbers, for keys.
     pub(crate) fn numbers(&self) -> [f64; 3] {
         [self.offset, self.sine, self.cosine]
@@ -80,6 +90,8 @@ mod tests {
             }
             let [q, dq] = encoder.motion([reported(0.3), 1.0]);
             prop_assert!((q - truth(0.3)).abs() < 1e-6 && dq.is_finite());
+            let again = encoder.reported([q, dq]);
+            prop_assert!((again[0] - reported(0.3)).abs() < 1e-6 && (again[1] - 1.0).abs() < 1e-6);
         }
     }
 }

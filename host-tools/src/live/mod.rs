@@ -46,6 +46,9 @@ use proprio_core::go2::Leg;
 #[cfg(feature = "mcap")]
 use crate::log::LiveMessages;
 
+/// Whether this build receives messages over DDS: the feature `dds`.
+pub const HAS_DDS: bool = cfg!(feature = "dds");
+
 /// What came of a source so far, counted while it comes.
 #[derive(Debug, Clone, Default)]
 pub struct Counts(Arc<Mutex<Tally>>);

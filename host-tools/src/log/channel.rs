@@ -17,20 +17,34 @@ pub enum Channel {
     QDes,
     /// Position of a second encoder, at the link instead of the motor, rad.
     QLink,
+    /// Commanded velocity, rad/s.
+    DqDes,
+    /// Commanded torque, N m: of a drive with gains what it adds to them (feed-forward).
+    TauDes,
+    /// A drive's gain of position, N m/rad.
+    Kp,
+    /// A drive's gain of velocity, N m s/rad.
+    Kd,
 }
 
 impl Channel {
     /// The channels every recorded joint must have.
     pub const MOTION: [Self; 3] = [Self::Q, Self::Dq, Self::Tau];
     /// All of them, in the order of a row in memory.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 10] = [
         Self::Q,
         Self::Dq,
         Self::Tau,
         Self::Temp,
         Self::QDes,
         Self::QLink,
+        Self::DqDes,
+        Self::TauDes,
+        Self::Kp,
+        Self::Kd,
     ];
+    /// What a drive was asked to do: τ = tau_des + kp (q_des − q) + kd (dq_des − dq).
+    pub const COMMAND: [Self; 5] = [Self::QDes, Self::DqDes, Self::TauDes, Self::Kp, Self::Kd];
 
     /// The part of the column's name before the slash.
     pub const fn prefix(self) -> &'static str {
@@ -41,6 +55,10 @@ impl Channel {
             Self::Temp => "temp",
             Self::QDes => "q_des",
             Self::QLink => "q_link",
+            Self::DqDes => "dq_des",
+            Self::TauDes => "tau_des",
+            Self::Kp => "kp",
+            Self::Kd => "kd",
         }
     }
 

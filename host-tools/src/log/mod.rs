@@ -2,7 +2,7 @@
 //!
 //! A log is CSV with a header, plain or gzip-compressed, one row per sample. Columns are found by name, in any order;
 //! unknown ones are ignored. `t` is the time in seconds; each recorded joint has `q/<joint>`, `dq/<joint>` and
-//! `tau/<joint>`, in SI units on the joint side; optional are `temp/<joint>`, `q_des/<joint>`, `quat/w|x|y|z`,
+//! `tau/<joint>`, in SI units on the joint side; optional are `temp/<joint>`, `q_des/<joint>`, `dq_des/`, `tau_des/`, `kp/`, `kd/`, `quat/w|x|y|z`,
 //! `gyro/x|y|z`, `acc/x|y|z` and `foot/<limb>`. Joints have the names of the robot's model and come by whole limbs: a log
 //! of one leg of a pinned Go2 has nine signal columns.
 //!

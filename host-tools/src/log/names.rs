@@ -70,6 +70,15 @@ pub(super) const SUFFIXES: [(&str, &str); 10] = [
     (".current", "current"),
 ];
 
+/// The signals of Unitree's `MotorCmd`.
+const MOTOR_COMMAND: [(&str, Channel); 5] = [
+    ("q", Channel::QDes),
+    ("dq", Channel::DqDes),
+    ("tau", Channel::TauDes),
+    ("kp", Channel::Kp),
+    ("kd", Channel::Kd),
+];
+
 /// The signals of Unitree's `MotorState`, as ROS 2 and ROS 1 spell them.
 const MOTOR: [(&str, Channel); 7] = [
     ("q", Channel::Q),
@@ -93,13 +102,11 @@ pub(super) fn meaning(name: &str) -> Option<Meaning<'_>> {
     if let Some((_, unit)) = TIMES.iter().find(|(time, _)| *time == name) {
         return Some(Meaning::Time(*unit));
     }
-    if let Some(meaning) = motor(name, "motor_state").or_else(|| motor(name, "motorState")) {
+    let state = ["motor_state", "motorState"].map(|array| (array, &MOTOR[..]));
+    let command = ["motor_cmd", "motorCmd"].map(|array| (array, &MOTOR_COMMAND[..]));
+    let mut motors = state.into_iter().chain(command);
+    if let Some(meaning) = motors.find_map(|(array, signals)| motor(name, array, signals)) {
         return Some(meaning);
-    }
-    for command in ["motor_cmd", "motorCmd"] {
-        if let Some((motor, "q")) = element(name, command) {
-            return Some(Meaning::Joint(Channel::QDes, Which::Motor(motor)));
-        }
     }
     let imu = ["imu_state", "imu"].iter().find_map(|imu| after(name, imu));
     if let Some(rest) = imu {
@@ -119,9 +126,9 @@ pub(super) fn meaning(name: &str) -> Option<Meaning<'_>> {
     joint_state(name).or_else(|| element_of_state(name))
 }
 
-fn motor<'a>(name: &'a str, array: &str) -> Option<Meaning<'a>> {
+fn motor<'a>(name: &'a str, array: &str, signals: &[(&str, Channel)]) -> Option<Meaning<'a>> {
     let (motor, signal) = element(name, array)?;
-    let (_, channel) = MOTOR.iter().find(|(known, _)| *known == signal)?;
+    let (_, channel) = signals.iter().find(|(known, _)| *known == signal)?;
     Some(Meaning::Joint(*channel, Which::Motor(motor)))
 }
 
@@ -207,6 +214,11 @@ mod tests {
             assert_eq!(meaning(name), motor(Channel::Tau, 7), "{name}");
         }
         assert_eq!(meaning("/lowcmd/motor_cmd[0]/q"), motor(Channel::QDes, 0));
+        assert_eq!(meaning("/lowcmd/motor_cmd[3]/kp"), motor(Channel::Kp, 3));
+        assert_eq!(
+            meaning("/lowcmd/motor_cmd[3]/tau"),
+            motor(Channel::TauDes, 3)
+        );
         let name = |channel, joint| Some(Meaning::Joint(channel, Which::Name(joint)));
         let arm = meaning("/joint_states/shoulder.pan/effort");
         assert_eq!(arm, name(Channel::Tau, "shoulder.pan"));

@@ -106,6 +106,11 @@ impl Row {
         self.of_joints(Channel::QDes)
     }
 
+    /// What the joints' drives were asked to do, by [`Channel::COMMAND`].
+    pub fn command(&self) -> [&[f64]; 5] {
+        Channel::COMMAND.map(|channel| self.of_joints(channel))
+    }
+
     /// Positions of second encoders, at the links, rad (m).
     pub fn q_link(&self) -> &[f64] {
         self.of_joints(Channel::QLink)

@@ -34,7 +34,7 @@ impl Slots {
     }
 
     pub(super) const fn quat(self) -> usize {
-        self.all(Channel::QLink).end
+        self.all(Channel::Kd).end
     }
 
     pub(super) const fn gyro(self) -> usize {

@@ -53,6 +53,24 @@ pub enum RecordingError {
         /// The logs.
         logs: Vec<PathBuf>,
     },
+    /// A rollout under the commanded torque needs a command that no log has.
+    #[error("{}: no column `{column}`: what {joint} was asked to do is not known", names(.logs))]
+    NoCommand {
+        /// The logs.
+        logs: Vec<PathBuf>,
+        /// The joint.
+        joint: String,
+        /// The column.
+        column: String,
+    },
+    /// The drive follows a position, and nobody says how stiffly.
+    #[error("{}: {joint} has a commanded position, and its drive's gains are not known", names(.logs))]
+    NoGains {
+        /// The logs.
+        logs: Vec<PathBuf>,
+        /// The joint.
+        joint: String,
+    },
     /// Every limb recorded has more joints than can be judged.
     #[error(
         "{}: limb {}; limbs of at most {} can be judged",

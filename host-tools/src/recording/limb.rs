@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+#[cfg(doc)]
+use crate::log::Channel;
 use crate::log::{BRIDGED, Periods};
 use crate::once::made_once;
 use crate::parallel::by_number;
@@ -36,6 +38,9 @@ pub struct LimbRecording {
     pub(crate) q_link: Vec<f64>,
     /// The foot's sensor, in its own unit, where recorded.
     pub(crate) foot: Vec<f64>,
+    /// What the drives were asked to do, by [`Channel::COMMAND`], of each sample and joint; not a number where not recorded, empty where it was not asked
+    /// for ([`Recording::read_commanded`](super::Recording::read_commanded)).
+    pub(crate) command: Vec<[f64; 5]>,
     /// Samples that repeat the one before, left out.
     pub repeated: u64,
     /// From when to when, µs, samples are known and not judged, ascending.
@@ -219,6 +224,7 @@ impl LimbRecording {
     pub(super) fn shrink(&mut self) {
         self.time_us.shrink_to_fit();
         self.foot.shrink_to_fit();
+        self.command.shrink_to_fit();
         let channels = self.of_joints();
         channels.into_iter().for_each(Vec::shrink_to_fit);
     }
@@ -244,6 +250,7 @@ impl LimbRecording {
         self.starts = starts;
         retain(&mut self.time_us, &kept, 1);
         retain(&mut self.foot, &kept, 1);
+        retain(&mut self.command, &kept, n);
         for channel in self.of_joints() {
             retain(channel, &kept, n);
         }

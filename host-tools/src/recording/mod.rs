@@ -87,18 +87,19 @@ impl Recording {
         model: &Model,
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Self, RecordingError> {
-        Self::read_near(logs, model, Vec::new(), &mut progress)
+        Self::read_near(logs, model, (Vec::new(), false), &mut progress)
     }
 
-    /// Reads only the time in which all conditions `near` nearly hold.
+    /// Reads only the time in which all conditions `near` nearly hold, with what the drives were asked to do where `commanded`.
     fn read_near(
         logs: &[PathBuf],
         model: &Model,
-        near: Vec<Condition>,
+        (near, commanded): (Vec<Condition>, bool),
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Self, RecordingError> {
         let mut pass = Pass {
             near,
+            commanded,
             ..Pass::new(logs, model)
         };
         for log in logs {
@@ -275,6 +276,8 @@ struct Pass<'a> {
     /// Conditions of time: what is not near a moment in which they hold is not taken, so that a part of a long log is not thinned as the
     /// whole of it is.
     near: Vec<Condition>,
+    /// Whether what the drives were asked to do is taken too: most of a log's numbers, which one command wants.
+    commanded: bool,
     /// Takes each slab as soon as it is whole, where nothing is to be kept.
     cutter: Option<Cutter<'a>>,
 }
@@ -301,6 +304,7 @@ impl<'a> Pass<'a> {
             offset_us: 0,
             too_large: Vec::new(),
             near: Vec::new(),
+            commanded: false,
             cutter: None,
         }
     }
@@ -409,7 +413,13 @@ impl<'a> Pass<'a> {
             let is_new = std::mem::take(&mut limb.is_new);
             let foot = row.foot()[limb.foot];
             let recording = &mut self.recording.limbs[limb.place].1;
+            let known = recording.len();
             recording.push(time_us, sample, foot, is_new);
+            if self.commanded && recording.len() > known {
+                let command = row.command();
+                let of = |&j: &usize| command.map(|channel| channel[j]);
+                recording.command.extend(limb.joints.iter().map(of));
+            }
         }
     }
 

@@ -75,6 +75,28 @@ impl Recording {
         model: &Model,
         progress: impl FnMut(u64, u64),
     ) -> Result<Self, RecordingError> {
+        Self::read_part(logs, conditions, (model, false), progress)
+    }
+
+    /// The same with what the drives were asked to do.
+    ///
+    /// # Errors
+    /// Those of [`read_only`](Self::read_only).
+    pub fn read_commanded(
+        logs: &[PathBuf],
+        conditions: &[String],
+        model: &Model,
+        progress: impl FnMut(u64, u64),
+    ) -> Result<Self, RecordingError> {
+        Self::read_part(logs, conditions, (model, true), progress)
+    }
+
+    fn read_part(
+        logs: &[PathBuf],
+        conditions: &[String],
+        (model, commanded): (&Model, bool),
+        progress: impl FnMut(u64, u64),
+    ) -> Result<Self, RecordingError> {
         // What is no condition of time is judged, or refused, once the logs are read.
         let names = Names {
             joints: &[""],
@@ -86,7 +108,7 @@ impl Recording {
                 .filter(Condition::is_of_time)
         };
         let near = conditions.iter().filter_map(of_time).collect();
-        Self::read_near(logs, model, near, progress)?.only(conditions, model)
+        Self::read_near(logs, model, (near, commanded), progress)?.only(conditions, model)
     }
 
     fn restrict(&mut self, text: &str, model: &Model) -> Result<(), ConditionProblem> {

@@ -21,8 +21,8 @@ pub struct Row {
     pub diverged: usize,
 }
 
-/// A table that can be sorted.
-pub fn errors(rows: &[Row]) -> Section {
+/// A table that can be sorted, of rollouts under a torque, in words.
+pub fn errors(rows: &[Row], under: &str) -> Section {
     let column = |title, numeric| Column { title, numeric };
     let row = |row: &Row| {
         let rms = row.rms.map(|rms| match rms {
@@ -40,9 +40,10 @@ pub fn errors(rows: &[Row]) -> Section {
     Section {
         id: "errors",
         title: "Error after a time",
-        text: "Root mean square of measured less simulated position at the end of rollouts, each from the measured state and under the \
-               measured torque. A rollout that diverged is in no error."
-            .to_owned(),
+        text: format!(
+            "Root mean square of measured less simulated position at the end of rollouts, each from the measured state and under {under}. A \
+             rollout that diverged is in no error."
+        ),
         table: Some(DataTable {
             columns: vec![
                 column("joint", false),

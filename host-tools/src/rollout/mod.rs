@@ -1,10 +1,12 @@
-//! A limb's model run forward: from a measured state, under the torque that the motors reported, to where the model would be.
+//! A limb's model run forward: from a measured state, under the torque that the motors reported or what they were asked to do, to where the model
+//! would be.
 //!
 //! What a simulator or a policy sees of a model's error is not a torque but a motion that drifts. A *rollout* starts at a sample with the
-//! measured position and velocity and takes nothing but the torque from the log until its end.
+//! measured position and velocity and takes nothing but the torque, or the commands, from the log until its end.
 //!
 //! Files beside:
 //!
+//! - `law`: the torque by what the drives were asked to do
 //! - `drive`: the torque that the motors gave, by the one that they reported (scale, delay, lag, dead band, limit)
 //! - `plant`: the bodies and effects that it moves, by small steps
 //! - `friction`: what a step's dry friction does, stiction included
@@ -13,16 +15,20 @@
 
 mod drive;
 mod friction;
+mod law;
 mod plant;
 #[cfg(test)]
 mod tests;
 
-use proprio_core::effect::{EffectKind, Form, Moved};
+use proprio_core::effect::{EffectKind, Form, Input, Moved};
 
 use crate::equation::encoder::Encoder;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
-use plant::{Instant, Plant, State};
+pub use law::Gains;
+use law::Law;
+pub(crate) use law::{Commands, Missing};
+use plant::{Given, Instant, Plant, State};
 
 /// Longest step, s.
 // Halving it moves no joint of a simulated leg with dry friction by more than 5e-5 rad after 0.1 s, where a Go2's sensor noise makes 5e-4.
@@ -31,12 +37,14 @@ const STEP: f64 = 1e-3;
 /// after 0.1 s, with them by 7e-5.
 const FINE: usize = 16;
 
-/// Whether a rollout has an effect: rigid gears have no backlash and no elasticity, and a force of the ground is not known.
-pub(crate) fn is_included(effect: EffectKind) -> bool {
-    !matches!(
-        effect.description().form,
-        Form::Motion(Moved::Link(_)) | Form::Force
-    )
+/// Whether a rollout has an effect: rigid gears have no backlash and no elasticity, and a force of the ground is not known. Where drives follow what was
+/// `commanded`, they do so at once and in proportion.
+pub(crate) fn is_included(effect: EffectKind, commanded: bool) -> bool {
+    let of = effect.description();
+    let of_reported_torque =
+        of.form == Form::Clock || of.input == Input::MotorTorque && !of.is_limit();
+    let is_known = !matches!(of.form, Form::Motion(Moved::Link(_)) | Form::Force);
+    is_known && !(commanded && of_reported_torque)
 }
 
 /// The samples of a rollout.
@@ -85,22 +93,51 @@ fn span(data: &LimbData, [first, last]: [usize; 2], in_one_fold: bool) -> Option
 /// A limb under a model, or under one for each fold.
 pub(crate) struct Rollouts<'a> {
     data: &'a LimbData<'a>,
-    models: Vec<Own>,
+    models: Vec<Own<'a>>,
 }
 
 /// A model, and what it makes of the recording.
-struct Own {
+struct Own<'a> {
     plant: Plant,
-    /// The motors' torque at each sample, joint by joint, N m.
-    torque: Vec<f64>,
+    motors: Motors<'a>,
     encoders: Vec<Encoder>,
     /// Of joints with bristles, how far they are bent at each sample by the measured motion, of their most.
     bent: Vec<Vec<f64>>,
 }
 
+/// What moves a limb.
+enum Motors<'a> {
+    /// Their torque at each sample, joint by joint, N m: a straight line between samples.
+    Measured(Vec<f64>),
+    /// What they were asked to do.
+    Commanded(Law<'a>),
+}
+
+impl Motors<'_> {
+    /// What they give in a state, `along` on the way from sample k to the next.
+    fn given(&self, k: usize, along: f64, state: &State) -> Given {
+        let n = state.q.len();
+        match self {
+            Self::Measured(torque) => {
+                let of = |sample: usize| &torque[sample * n..(sample + 1) * n];
+                let ends = of(k).iter().zip(of(k + 1));
+                Given {
+                    torque: ends.map(|(from, to)| from + along * (to - from)).collect(),
+                    damping: vec![0.0; n],
+                }
+            }
+            Self::Commanded(law) => law.torque(k, state),
+        }
+    }
+}
+
 impl<'a> Rollouts<'a> {
-    /// Under one model, or under that of each fold.
-    pub(crate) fn of(data: &'a LimbData, values: &[Values]) -> Self {
+    /// Under one model, or under that of each fold; by the measured torque or by `commands`.
+    pub(crate) fn of(
+        data: &'a LimbData,
+        values: &[Values],
+        commands: Option<&'a Commands>,
+    ) -> Self {
         let own = |values: &Values| {
             let effects = data.contributions(values);
             let plant = Plant::of(data, values, &effects);
@@ -116,7 +153,10 @@ impl<'a> Rollouts<'a> {
             };
             Own {
                 bent: plant.displacements.iter().enumerate().map(bent).collect(),
-                torque: drive::torque(data, values, &effects),
+                motors: match commands {
+                    None => Motors::Measured(drive::torque(data, values, &effects)),
+                    Some(own) => Motors::Commanded(Law::of(data, values, &effects, own)),
+                },
                 encoders: values.encoders().collect(),
                 plant,
             }
@@ -148,11 +188,6 @@ impl<'a> Rollouts<'a> {
         let [first, last] = span.samples;
         let mut state = own.state(self.data, first);
         for k in first..last {
-            let of = |sample: usize| &own.torque[sample * n..(sample + 1) * n];
-            let torque = |along: f64| -> Vec<f64> {
-                let ends = of(k).iter().zip(of(k + 1));
-                ends.map(|(from, to)| from + along * (to - from)).collect()
-            };
             let now = Instant {
                 time: motion.time[k],
                 temperature: &motion.temperature[k * n..(k + 1) * n],
@@ -161,8 +196,10 @@ impl<'a> Rollouts<'a> {
             // A part of the time between the samples, from one share of it on.
             let moved = |state: &State, from: f64, part: f64| -> Option<State> {
                 let mut state = state.clone();
-                let torques = [&torque(from)[..], &torque(from + 0.5 * part)];
-                own.plant.step(&mut state, torques, &now, part * time)?;
+                let given = |along: f64| move |at: &State| own.motors.given(k, along, at);
+                let (begin, middle) = (given(from), given(from + 0.5 * part));
+                own.plant
+                    .step(&mut state, [&begin, &middle], &now, part * time)?;
                 Some(state)
             };
             // A motion has no gap of more than 50 ms: fifty steps at most.
@@ -183,12 +220,12 @@ impl<'a> Rollouts<'a> {
         Some(state.q)
     }
 
-    fn model(&self, span: &Span) -> &Own {
+    fn model(&self, span: &Span) -> &Own<'a> {
         &self.models[span.fold.min(self.models.len() - 1)]
     }
 }
 
-impl Own {
+impl Own<'_> {
     /// What was measured at a sample.
     fn state(&self, data: &LimbData, sample: usize) -> State {
         let joints = data.motion.joint.iter().zip(&self.encoders);

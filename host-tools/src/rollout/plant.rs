@@ -59,6 +59,15 @@ impl State {
     }
 }
 
+/// What the motors give in a state.
+#[derive(Debug, Clone)]
+pub(super) struct Given {
+    /// N m.
+    pub(super) torque: Vec<f64>,
+    /// How much less of it there is per velocity beyond the state's, N m s/rad.
+    pub(super) damping: Vec<f64>,
+}
+
 /// What else effects see.
 pub(super) struct Instant<'a> {
     /// s since the recording's start.
@@ -87,18 +96,18 @@ impl Plant {
         }
     }
 
-    /// Moves `state` by `h` seconds under the motors' torque at its begin and in its middle, N m. None if it moves as no robot can, or if a joint
+    /// Moves `state` by `h` seconds under what the motors give at its begin and in its middle. None if it moves as no robot can, or if a joint
     /// has no inertia to move.
     pub(super) fn step(
         &self,
         state: &mut State,
-        [torque, middle_torque]: [&[f64]; 2],
+        [given, in_middle]: [&dyn Fn(&State) -> Given; 2],
         now: &Instant,
         h: f64,
     ) -> Option<()> {
-        let half = self.pushed(state, &state.dq, torque, now, 0.5 * h)?;
+        let half = self.pushed((state, 1.0), &state.dq, &given(state), now, 0.5 * h)?;
         let middle = self.moved(state, half, 0.5 * h);
-        let whole = self.pushed(&middle, &state.dq, middle_torque, now, h)?;
+        let whole = self.pushed((&middle, 0.5), &state.dq, &in_middle(&middle), now, h)?;
         *state = self.moved(state, whole, h);
         let is_possible = |x: &f64| x.is_finite() && x.abs() < FASTEST;
         (state.dq.iter().all(is_possible) && state.q.iter().all(|q| q.is_finite())).then_some(())
@@ -119,12 +128,13 @@ impl Plant {
         }
     }
 
-    /// The velocities `dq` after `h` seconds of what acts in the state `at`, and what the gears transmit meanwhile.
+    /// The velocities `dq` after `h` seconds of what acts in the state `at`, and what the gears transmit meanwhile. What the motors damp is taken at the
+    /// velocity of a share `when` of that time, by the linear rule that is stable however stiff their gains are.
     fn pushed(
         &self,
-        at: &State,
+        (at, when): (&State, f64),
         dq: &[f64],
-        torque: &[f64],
+        given: &Given,
         now: &Instant,
         h: f64,
     ) -> Option<[Vec<f64>; 2]> {
@@ -136,10 +146,12 @@ impl Plant {
         let (inertia, rigid) = (DMatrix::from_row_slice(n, n, &inertia), bias.clone());
         let (mut mass, mut resists) = (inertia.clone(), vec![[0.0; 2]; n]);
         self.add_effects(at, now, (&mut mass, &mut bias, &mut resists));
-        let (from, torque) = (
-            DVector::from_column_slice(dq),
-            DVector::from_column_slice(torque),
-        );
+        let from = DVector::from_column_slice(dq);
+        let mut torque = DVector::from_column_slice(&given.torque);
+        for (j, damping) in given.damping.iter().enumerate() {
+            mass[(j, j)] += when * h * damping;
+            torque[j] += damping * (at.dq[j] - dq[j]);
+        }
         let right = &mass * &from + h * (torque - DVector::from_column_slice(&bias));
         resists
             .iter_mut()

@@ -45,7 +45,7 @@ fn drive(data: &LimbData) -> Values {
 
 /// Root mean square error of the joints after a time, rad.
 fn error(data: &LimbData, values: &Values, seconds: f64) -> f64 {
-    let rollouts = Rollouts::of(data, std::slice::from_ref(values));
+    let rollouts = Rollouts::of(data, std::slice::from_ref(values), None);
     let spans = spans(data, seconds, false);
     assert!(spans.len() > 4);
     let errors = spans.iter().flat_map(|span| {
@@ -150,7 +150,7 @@ fn half_the_step_is_the_same() {
     let recording = recording(&model, &["spring:FR_thigh=2"], 6.0);
     let (limb, samples) = &recording.limbs[0];
     let data = LimbData::of(&model, limb, samples).unwrap();
-    let rollouts = Rollouts::of(&data, &[drive(&data)]);
+    let rollouts = Rollouts::of(&data, &[drive(&data)], None);
     let mut most = 0.0f64;
     for span in spans(&data, 0.1, false) {
         let [one, half] =

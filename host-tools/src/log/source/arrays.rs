@@ -7,7 +7,7 @@ use super::{Fault, Source, Unit};
 use crate::log::error::{LogError, Problem};
 
 /// What arrays of a column per joint may be called, and what they hold.
-const QUANTITIES: [(&str, &[&str]); 5] = [
+const QUANTITIES: [(&str, &[&str]); 9] = [
     (
         "q",
         &[
@@ -45,6 +45,10 @@ const QUANTITIES: [(&str, &[&str]); 5] = [
     ),
     ("temp", &["temp", "temperature", "temperatures"]),
     ("q_des", &["q_des", "q_cmd", "position_command"]),
+    ("dq_des", &["dq_des", "dq_cmd", "velocity_command"]),
+    ("tau_des", &["tau_des", "tau_cmd", "torque_command"]),
+    ("kp", &["kp"]),
+    ("kd", &["kd"]),
 ];
 
 /// What the array of the joints' names may be called.

@@ -1,12 +1,14 @@
 //! Effects as attributes of joints and tendons, and what a format cannot say.
 
-use proprio_core::effect::Mjcf;
+use proprio_core::effect::{Description, Mjcf};
 
 use crate::model::{Estimate, Model, ModelEffect};
 
 /// An effect as an attribute of a joint.
 pub(super) struct JointAttribute {
     pub(super) joint: usize,
+    /// The element that has it: the joint's own, or one of its children.
+    pub(super) element: &'static str,
     pub(super) attribute: &'static str,
     /// A number, or the two of a range.
     pub(super) values: Vec<f64>,
@@ -15,9 +17,11 @@ pub(super) struct JointAttribute {
 }
 
 impl JointAttribute {
+    /// Of the joint's own element.
     fn new(joint: usize, attribute: &'static str, values: impl Into<Vec<f64>>) -> Self {
         Self {
             joint,
+            element: "joint",
             attribute,
             values: values.into(),
             is_position: false,
@@ -44,12 +48,28 @@ pub(super) struct Stated {
     pub(super) notes: Vec<String>,
 }
 
-/// The effects as URDF states them.
-pub(super) fn urdf(model: &Model) -> Stated {
+/// The element of a joint that limits it in URDF.
+pub(super) const LIMIT: &str = "limit";
+
+/// How URDF states an effect: a child of `<joint>` and its attribute, with the value of the first parameter.
+pub fn urdf_attribute(of: &Description) -> Option<[&'static str; 2]> {
+    let dynamics = of.urdf.map(|attribute| ["dynamics", attribute]);
+    // What MJCF states as a range of a joint's torque is URDF's limit of effort, which knows no sign.
+    let limit = || matches!(of.mjcf, Some(Mjcf::Range(_))).then_some([LIMIT, "effort"]);
+    dynamics.or_else(limit)
+}
+
+/// The effects as URDF states them, in a file that limits these joints.
+pub(super) fn urdf(model: &Model, is_limited: impl Fn(usize) -> bool) -> Stated {
     stated(model, "URDF", |stated, e| {
-        let attribute = e.effect.description().urdf.ok_or(NO_WORD)?;
-        let value = value(e, 0);
-        (stated.attributes).push(JointAttribute::new(e.joint, attribute, [value]));
+        let [element, attribute] = urdf_attribute(e.effect.description()).ok_or(NO_WORD)?;
+        if element == LIMIT && !is_limited(e.joint) {
+            return Err("the joint has no <limit>, which needs a velocity too");
+        }
+        stated.attributes.push(JointAttribute {
+            element,
+            ..JointAttribute::new(e.joint, attribute, [value(e, 0)])
+        });
         Ok(())
     })
 }
@@ -208,7 +228,7 @@ fn stated(
 fn has_word(format: &str, e: &ModelEffect) -> bool {
     let description = e.effect.description();
     match format {
-        "URDF" => description.urdf.is_some(),
+        "URDF" => urdf_attribute(description).is_some(),
         _ => description.mjcf.is_some(),
     }
 }

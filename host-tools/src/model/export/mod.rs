@@ -25,6 +25,7 @@ use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
 use super::{BASE, Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
+pub use effects::urdf_attribute;
 pub use mjcf::mjcf;
 pub use urdf::urdf;
 

@@ -1,4 +1,4 @@
-//! URDF: inertials of links, origins that calibration corrected, damping and friction of joints.
+//! URDF: inertials of links, origins that calibration corrected, damping, friction and limits of effort of joints.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use proprio_core::spatial::Transform;
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
-use super::effects::{JointAttribute, Stated};
+use super::effects::{JointAttribute, LIMIT, Stated};
 use super::whole::{self, INERTIA, dynamics_element, inertial_element, origin_element};
 use super::{
     ExportError, ExportProblem, Exported, Inertial, base_note, effects, error, identified, names,
@@ -21,23 +21,20 @@ use crate::model::{Body, Model, RobotProblem, Source};
 /// # Errors
 /// [`ExportError`] if the file is not of this robot, or cannot hold the model.
 pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
-    let Stated {
-        attributes: effects,
-        written,
-        mut notes,
-        ..
-    } = effects::urdf(model);
     let own = match model.robot().source() {
         Source::Urdf(path) => Some(path.as_path()),
         Source::Go2 => None,
     };
     let Some(path) = input.or(own) else {
         let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
+        let stated = effects::urdf(model, |joint| {
+            model.robot().bodies()[joint].velocity.is_finite()
+        });
         return Ok(Exported {
-            text: whole::urdf(model, &effects),
+            text: whole::urdf(model, &stated.attributes),
             bodies: names(model, &bodies),
-            effects: written,
-            notes,
+            effects: stated.written,
+            notes: stated.notes,
         });
     };
     let file = Description::read(path, model.robot().held()).map_err(|e| ExportError {
@@ -56,8 +53,19 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         document: &document,
     };
     let bodies = identified(model);
-    notes.extend(base_note(model));
     target.check(model)?;
+    let is_limited = |joint: usize| {
+        let body = target.body(model, joint).ok();
+        let element = body.and_then(|(_, body)| target.element("joint", &body.joint_name));
+        element.is_some_and(|joint| child(joint, LIMIT).is_some())
+    };
+    let Stated {
+        attributes: effects,
+        written,
+        mut notes,
+        ..
+    } = effects::urdf(model, is_limited);
+    notes.extend(base_note(model));
     let mut edits = Edits::new(&file.text);
     for &b in &bodies {
         target.write_inertial(&mut edits, model, b)?;
@@ -68,7 +76,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         if !of_joint.is_empty() {
             let name = &target.body(model, joint)?.1.joint_name;
             if let Some(element) = target.element("joint", name) {
-                write_dynamics(&mut edits, element, &of_joint);
+                write_effects(&mut edits, element, &of_joint);
             }
         }
     }
@@ -238,16 +246,22 @@ impl Target<'_> {
     }
 }
 
-fn write_dynamics(edits: &mut Edits, joint: Node, effects: &[&JointAttribute]) {
-    if let Some(dynamics) = joint.children().find(|n| n.has_tag_name("dynamics")) {
-        for effect in effects {
-            edits.set(
-                dynamics,
-                effect.attribute,
-                &numbers(effect.values.iter().copied()),
-            );
+fn child<'a, 'd>(of: Node<'a, 'd>, tag: &str) -> Option<Node<'a, 'd>> {
+    of.children().find(|n| n.has_tag_name(tag))
+}
+
+/// Effects in the joint's children that have their attributes; dynamics are added where there are none.
+fn write_effects(edits: &mut Edits, joint: Node, effects: &[&JointAttribute]) {
+    let (limits, dynamics): (Vec<_>, Vec<_>) =
+        effects.iter().copied().partition(|e| e.element == LIMIT);
+    for (tag, own) in [(LIMIT, limits), ("dynamics", dynamics)] {
+        match child(joint, tag) {
+            Some(element) => own.iter().for_each(|effect| {
+                let values = numbers(effect.values.iter().copied());
+                edits.set(element, effect.attribute, &values);
+            }),
+            None if own.is_empty() => {}
+            None => edits.append(joint, &dynamics_element(&own)),
         }
-    } else {
-        edits.append(joint, &dynamics_element(effects));
     }
 }

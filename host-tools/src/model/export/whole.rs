@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::effects::{JointAttribute, Stated, Tendon};
+use super::effects::{JointAttribute, LIMIT, Stated, Tendon};
 use super::{Inertial, escaped, number, numbers};
 use crate::model::{BASE, Body, JointKind, Model};
 
@@ -75,6 +75,8 @@ fn push_joint(
     } else {
         format!(" rpy=\"{}\"", numbers([r, p, y]))
     };
+    let (limits, dynamics): (Vec<&JointAttribute>, Vec<_>) =
+        effects.iter().partition(|e| e.element == LIMIT);
     let mut limit = String::new();
     let entries = [
         ("lower", body.limits[0]),
@@ -82,8 +84,12 @@ fn push_joint(
         ("effort", body.effort),
         ("velocity", body.velocity),
     ];
-    for (name, value) in entries.iter().filter(|(_, value)| value.is_finite()) {
-        limit += &format!(" {name}=\"{}\"", number(*value));
+    for (name, value) in entries {
+        let found = limits.iter().find(|e| e.attribute == name);
+        let value = found.map_or(value, |e| e.values[0]);
+        if value.is_finite() {
+            limit += &format!(" {name}=\"{}\"", number(value));
+        }
     }
     *out += &format!(
         "  <joint name=\"{}\" type=\"{kind}\">\n    <origin xyz=\"{}\"{rpy}/>\n    <parent link=\"{}\"/>\n    <child \
@@ -97,8 +103,8 @@ fn push_joint(
     if !limit.is_empty() {
         *out += &format!("    <limit{limit}/>\n");
     }
-    if !effects.is_empty() {
-        *out += &format!("    {}\n", dynamics_element(effects));
+    if !dynamics.is_empty() {
+        *out += &format!("    {}\n", dynamics_element(&dynamics));
     }
     *out += "  </joint>\n";
 }

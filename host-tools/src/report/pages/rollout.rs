@@ -39,6 +39,10 @@ pub fn rollout(found: &Rollout, path: Option<&Path>) -> Result<Page, Unreadable>
     let joints = joints.flat_map(|own| rows(&own.joint, own.unit, &own.horizons));
     let all = rows("all joints", found.unit, &found.horizons);
     let rows: Vec<Row> = all.into_iter().chain(joints).collect();
+    let under = match found.torque {
+        "commanded" => "what the drives were asked to do, by the simulated motion",
+        _ => "the measured torque",
+    };
     let seconds = found.series.first().map_or(0.0, |own| own.seconds);
     let series: Vec<_> = (found.series.iter())
         .map(|own| {
@@ -56,7 +60,10 @@ pub fn rollout(found: &Rollout, path: Option<&Path>) -> Result<Page, Unreadable>
         .collect();
     Ok(Page {
         header,
-        sections: vec![rollout::errors(&rows), rollout::positions(&series, seconds)],
+        sections: vec![
+            rollout::errors(&rows, under),
+            rollout::positions(&series, seconds),
+        ],
     }
     .folded())
 }
