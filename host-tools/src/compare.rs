@@ -32,7 +32,6 @@ pub use feet::FootForce;
 pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
-pub(crate) use free_base::{walk_rungs, walk_yardsticks};
 pub use models::{ModelError, ModelJoint, ModelsComparison};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;

@@ -2,20 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::DVector;
 use serde::Serialize;
 
 use super::asked::{Asked, names};
 use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, ranking};
 use crate::detect::JointSeries;
-use crate::detect::ladder::WALK;
 use crate::detect::residual;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::doubtful;
-use crate::free_base::fit::bare;
 use crate::free_base::free_tree::OF_BASE;
 use crate::free_base::legged::Legged;
+use crate::free_base::rungs::{given, rungs};
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
@@ -115,7 +113,7 @@ pub fn compare_free_base_without(
     let doubtful = (model_thetas.first())
         .map(|theta| doubtful::sensors(data.columns(), theta))
         .unwrap_or_default();
-    let rungs = walk_rungs(&data, &asked.file)?;
+    let rungs = rungs(&data, &asked.file)?;
     let mut thetas = vec![model_thetas.iter().collect()];
     thetas.extend(rungs.iter().map(|theta| vec![theta]));
     thetas.extend(before.iter().map(|(thetas, _)| thetas.iter().collect()));
@@ -155,17 +153,12 @@ pub fn compare_free_base_without(
     let joints = series.iter().zip(&criticism).enumerate();
     let joints: Vec<JointComparison> = joints
         .map(|(k, (series, criticism))| {
-            let yardsticks = Yardsticks {
-                zero_rms: zero_series[k].rms(),
-                cad_rms: baselines.cad[k].rms(),
-                given_rms: file_series[k].rms(),
-                floor_unknown: Some(WALK),
-                ..Yardsticks::default()
-            };
+            let [zero, cad, file] = [&zero_series, &baselines.cad, &file_series];
+            let yardsticks = Yardsticks::of_walk([zero, cad, file].map(|of| of[k].rms()));
             JointComparison::of(series, criticism, (yardsticks, baselines.before_rms(k)))
         })
         .collect();
-    let yardsticks = walk_yardsticks(&data, &rungs);
+    let yardsticks = Yardsticks::of_walk(rungs.each_ref().map(|theta| data.rms(theta)));
     let starts = walks.starts();
     let moment = |t: f64| {
         let n = starts.partition_point(|start| *start <= t).max(1) - 1;
@@ -203,29 +196,6 @@ pub fn compare_free_base_without(
     })
 }
 
-/// What every result of a walk is held against: no model, the CAD, the model file as it is given.
-pub(crate) fn walk_rungs(data: &Data, file: &Model) -> Result<[DVector<f64>; 3], FreeBaseError> {
-    let cad = ModelStructure::of(&file.bare())?;
-    let as_given = given(data, file, &ModelStructure::of(file)?);
-    Ok([
-        DVector::zeros(data.columns().len()),
-        data.with_sensors(&bare(data, &cad)),
-        data.with_sensors(&as_given),
-    ])
-}
-
-/// The errors of those over all equations.
-pub(crate) fn walk_yardsticks(data: &Data, rungs: &[DVector<f64>; 3]) -> Yardsticks {
-    let [zero_rms, cad_rms, given_rms] = rungs.each_ref().map(|theta| data.rms(theta));
-    Yardsticks {
-        zero_rms,
-        cad_rms,
-        given_rms,
-        floor_unknown: Some(WALK),
-        ..Yardsticks::default()
-    }
-}
-
 /// No equation yet.
 fn empty_series(robot: &Legged) -> Vec<JointSeries> {
     let series = |joint: &String| JointSeries {
@@ -233,21 +203,6 @@ fn empty_series(robot: &Legged) -> Vec<JointSeries> {
         ..JointSeries::default()
     };
     robot.names.iter().map(series).collect()
-}
-
-/// The parameters that a model file gives; what has no value does nothing.
-fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
-    let mut theta = bare(data, structure);
-    for (k, n, linear) in data.columns().effects() {
-        let place = data.columns().sites[n].place;
-        // A load is in its body.
-        let own = model
-            .effect(place.0, place.1)
-            .filter(|_| structure.has(place));
-        let value = own.and_then(|own| own.estimates[linear.parameter]);
-        theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
-    }
-    theta
 }
 
 fn coordinates(left: &[Left], robot: &Legged) -> Vec<CoordinateError> {

@@ -87,6 +87,17 @@ impl Yardsticks {
         }
     }
 
+    /// Of walks, under no model, the CAD and the file as given, N m.
+    pub(crate) fn of_walk([zero_rms, cad_rms, given_rms]: [f64; 3]) -> Self {
+        Self {
+            zero_rms,
+            cad_rms,
+            given_rms,
+            floor_unknown: Some(WALK),
+            ..Self::default()
+        }
+    }
+
     /// Over the windows of all joints, each with how many it has; joints without any do not count.
     pub(crate) fn over_all(joints: &[(f64, Self)]) -> Self {
         let judged = || joints.iter().filter(|(windows, _)| *windows > 0.0);

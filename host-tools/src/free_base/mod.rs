@@ -18,7 +18,7 @@
 //!    `unseen`: those of a foot that is taken to be in the air and is not. `data`: the rows as one factor per block of time.
 //! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `doubtful`: sensors that are found farther
 //!    off than is believed of them. `refinement`: rows made near the fit, without the windows that
-//!    are outside, and without priors that they refute. `expected`: what a motion would tell before it is played.
+//!    are outside, and without priors that they refute. `rungs`: what every result is held against. `expected`: what a motion would tell before it is played.
 
 pub(crate) mod channels;
 pub(crate) mod columns;
@@ -38,6 +38,7 @@ mod refinement;
 mod residual;
 mod row_setup;
 mod rows;
+pub(crate) mod rungs;
 pub(crate) mod sensors;
 mod speed;
 mod stance;

@@ -12,12 +12,13 @@ use serde::Serialize;
 use super::NotAModel;
 use super::bodies::{OtherBody, other_bodies};
 use super::to_model::set_joint;
-use crate::detect::ladder::WALK;
+use crate::detect::ladder::Yardsticks;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
 use crate::free_base::doubtful;
-use crate::free_base::fit::{Deviations, Fit, bare, rms};
+use crate::free_base::fit::{Deviations, Fit, rms};
 use crate::free_base::legged::Legged;
+use crate::free_base::rungs::rungs;
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -73,8 +74,9 @@ pub struct FreeBaseIdentification {
     pub rms: f64,
     /// The same on stretches of time that the fit has not seen; none for short logs.
     pub held_out_rms: Option<f64>,
-    /// The same under the CAD's rigid bodies without any effect.
-    pub cad_rms: f64,
+    /// What an error is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
     /// What became of the windows.
     pub windows: Windows,
     /// Why feet were projected out, log by log.
@@ -105,6 +107,7 @@ impl FreeBaseIdentification {
         structure: &ModelStructure,
     ) -> Option<Self> {
         let fit = data.fit(structure)?;
+        let rungs = rungs(data, model).ok()?;
         let deviations = data.deviations(&fit);
         let parameters = walk_parameters(data, &fit, &deviations);
         let other = walk_bodies(&walks, structure, &parameters, model);
@@ -113,7 +116,7 @@ impl FreeBaseIdentification {
             parameters,
             rms: data.rms(fit.theta()),
             held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
-            cad_rms: data.rms(&bare(data, structure)),
+            yardsticks: Yardsticks::of_walk(rungs.each_ref().map(|theta| data.rms(theta))),
             windows: data.windows.clone(),
             stance: walks.stance(),
             unseen_feet: data.unseen.clone(),
@@ -138,12 +141,9 @@ impl FreeBaseIdentification {
         })
     }
 
-    /// The CAD's error, and that of the fit on time it has not seen.
+    /// The error of the file as given, and that of the fit on time it has not seen.
     pub fn error(&self) -> ErrorRange {
-        ErrorRange {
-            floor_unknown: Some(WALK),
-            ..ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
-        }
+        self.yardsticks.error(self.held_out_rms)
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
@@ -382,7 +382,7 @@ impl FreeBaseIdentification {
             self.blocks,
             LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
             self.rms,
-            self.cad_rms,
+            self.yardsticks.cad_rms,
             inertial().count(),
         )
     }

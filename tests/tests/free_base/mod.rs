@@ -120,7 +120,7 @@ fn masses_and_the_trunk_are_mujocos() {
             "{name}: {} {held_out}",
             found.rms
         );
-        assert!(found.cad_rms > 5.0 * found.rms);
+        assert!(found.yardsticks.cad_rms > 5.0 * found.rms);
     }
 }
 
@@ -304,7 +304,7 @@ fn a_real_walk_weighs_what_is_on_paper() {
     println!("{:.2} ± {:.2} kg", total.value, total.std);
     let off = (15.0 - total.value).max(total.value - 16.1);
     assert!(total.std < 0.5 && off < 2.0 * total.std, "{total:?}");
-    assert!(found.held_out_rms.unwrap() < 0.8 * found.cad_rms);
+    assert!(found.held_out_rms.unwrap() < 0.8 * found.yardsticks.cad_rms);
     assert!(
         found
             .warnings

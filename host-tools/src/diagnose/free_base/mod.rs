@@ -20,12 +20,13 @@ use serde::Serialize;
 
 use super::Diagnosis;
 use super::changed::changed;
-use crate::compare::{walk_rungs, walk_yardsticks};
+use crate::detect::ladder::Yardsticks;
 use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
+use crate::free_base::rungs::rungs;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_bodies, walk_parameters, without_loaded};
@@ -75,9 +76,10 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
-    let rungs = walk_rungs(&data, model)?;
+    let rungs = rungs(&data, model)?;
     let as_given = data.by_coordinate(&walks, &[vec![&rungs[2]]]);
-    let held_against = (walk_yardsticks(&data, &rungs), &as_given[0]);
+    let yardsticks = Yardsticks::of_walk(rungs.each_ref().map(|theta| data.rms(theta)));
+    let held_against = (yardsticks, &as_given[0]);
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
     let found = search(source, &[]).ok_or_else(unsolvable)?;
     let mut diagnosis =

@@ -57,7 +57,7 @@ impl FreeBaseIdentification {
                 mass.prior
             )
         });
-        format!("{mass}{error}CAD {})", torque(self.cad_rms))
+        format!("{mass}{error}CAD {})", torque(self.yardsticks.cad_rms))
     }
 
     /// The trunk's mass and centre of mass (x, y, z), and the robot's, with the CAD's.
