@@ -7,7 +7,7 @@ use proprio_host::command::result::{self, judged};
 use proprio_host::compare::{self as room, ValuesFrom, own_rate};
 use proprio_host::detect::mismatch::mismatches;
 use proprio_host::diagnose::{self as diagnosis, Reach, diagnose_by};
-use proprio_host::estimate::{Constraint, ParameterEstimate, Status};
+use proprio_host::estimate::{ParameterEstimate, Status};
 use proprio_host::identify::{FitOptions, identify_recording};
 use proprio_host::model::Provenance;
 use proprio_host::report::pages;
@@ -98,10 +98,7 @@ impl fmt::Display for Fitted {
 /// # Errors
 /// [`Error::TooShort`] or [`Error::AtRest`] if nothing can be fitted, [`Error::Log`] if a log is not there any more.
 pub fn identify(recording: &Recording, model: &Model) -> Result<Fitted, Error> {
-    let options = FitOptions {
-        constraint: Constraint::Physical,
-        ..FitOptions::default()
-    };
+    let options = FitOptions::PHYSICAL;
     let told = identify_recording(&recording.room, &model.0, options, &mut |_, _| ());
     let told = told.map_err(error::recording)?;
     let provenance = Provenance::of(recording.logs()).map_err(error::unreadable)?;

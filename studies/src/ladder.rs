@@ -4,7 +4,6 @@ use proprio_core::effect::EffectKind;
 use proprio_host::compare::ValuesFrom;
 use proprio_host::compare::compare;
 use proprio_host::diagnose::diagnose;
-use proprio_host::estimate::Constraint;
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::{Model, Provenance};
 use proprio_host::recording::Recording;
@@ -54,10 +53,7 @@ fn rung(
     train: &Recording,
     others: &[Recording],
 ) -> Result<Rung, Failure> {
-    let options = FitOptions {
-        constraint: Constraint::Physical,
-        ..FitOptions::default()
-    };
+    let options = FitOptions::PHYSICAL;
     let fitted = fit_model(train, model, options)?;
     let provenance = Provenance::of(&train.logs).map_err(|(log, e)| format!("{log}: {e}"))?;
     let filled = fitted.to_model(model, provenance)?;

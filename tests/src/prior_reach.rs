@@ -7,7 +7,7 @@ use std::path::Path;
 
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
-use proprio_host::estimate::{Constraint, ParameterEstimate};
+use proprio_host::estimate::ParameterEstimate;
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
@@ -29,10 +29,7 @@ pub fn inertias(log: &Path, effects: &[EffectKind]) -> Result<Vec<ParameterEstim
         }
     }
     let recording = Recording::read(&[log.to_path_buf()], &model, |_, _| {})?;
-    let options = FitOptions {
-        constraint: Constraint::Physical,
-        ..FitOptions::default()
-    };
+    let options = FitOptions::PHYSICAL;
     let fitted = fit_model(&recording, &model, options)?;
     let names = Leg::ALL
         .iter()

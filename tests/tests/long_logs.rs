@@ -4,6 +4,25 @@ use std::fs;
 
 use proprio_tests::command::{done, json, simulated};
 
+/// The values under which every window is judged are those of a file: a rotor of nothing is not one of less.
+#[test]
+fn a_long_log_of_joints_without_rotors_is_judged() {
+    let folder = simulated("--legs all --duration 160");
+    let folder = folder.path();
+    let add = ["add", "armature", "coulomb", "-m", "model.toml"];
+    done(folder, &add);
+    let diagnose = [
+        "diagnose",
+        "log.csv",
+        "-m",
+        "model.toml",
+        "--json",
+        "--catalogue-only",
+    ];
+    let found = json(&done(folder, &diagnose));
+    assert!(found["every_window"]["windows"].as_f64().unwrap() > 1e4);
+}
+
 /// A hundred and sixty seconds at 500 Hz are more than is held in memory. A spring all the time, and friction at the calf in the second minute alone.
 #[test]
 fn a_long_log_is_judged_whole() {

@@ -119,7 +119,7 @@ impl Diagnose {
         let given = model.clone();
         diagnosis.apply(&mut model);
         if recording.is_drawn {
-            let fitted = fit_model(&recording, &model, FitOptions::default())?;
+            let fitted = fit_model(&recording, &model, FitOptions::PHYSICAL)?;
             let filled = fitted.filled(&model)?;
             let on_feet = diagnosis.stands;
             diagnosis.every_window = super::every_window(&recording, [&given, &filled], on_feet)?;

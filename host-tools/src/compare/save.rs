@@ -39,17 +39,13 @@ pub fn save(
 
 #[cfg(feature = "mcap")]
 fn mcap(comparison: &Comparison, recording: &Recording, model: &Model) -> io::Result<Vec<u8>> {
-    use crate::estimate::Constraint;
     use crate::identify::{FitOptions, fit_model};
     use crate::model::Provenance;
 
     if !comparison.fitted {
         return super::mcap::bytes(comparison, recording, model);
     }
-    let options = FitOptions {
-        constraint: Constraint::Physical,
-        ..FitOptions::default()
-    };
+    let options = FitOptions::PHYSICAL;
     let fitted = fit_model(recording, model, options).map_err(io::Error::other)?;
     let provenance = Provenance::of(&recording.logs).map_err(|(_, error)| error)?;
     let fitted = fitted.to_model(model, provenance.under(&recording.only));

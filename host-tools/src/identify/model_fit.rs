@@ -38,6 +38,16 @@ pub struct FitOptions {
     pub bus: bool,
 }
 
+impl FitOptions {
+    /// A fit whose values a model file may have: physical ones.
+    pub const PHYSICAL: Self = Self {
+        constraint: Constraint::Physical,
+        method: Method::Momentum,
+        stages: false,
+        bus: false,
+    };
+}
+
 /// Fits `model`, whose values are not looked at but whose priors are, to a recording; of two effects that are one torque, one.
 ///
 /// # Errors

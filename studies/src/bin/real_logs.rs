@@ -13,7 +13,6 @@ use proprio_core::go2::Leg;
 use proprio_host::compare::ValuesFrom;
 use proprio_host::compare::compare;
 use proprio_host::diagnose::diagnose;
-use proprio_host::estimate::Constraint;
 use proprio_host::identify::{FitOptions, Fitted, fit_model};
 use proprio_host::model::{Model, Provenance};
 use proprio_host::recording::Recording;
@@ -154,10 +153,7 @@ fn report(folder: &Path) -> Result<(), Failure> {
         for effect in effects {
             add(&mut model, effect)?;
         }
-        let options = FitOptions {
-            constraint: Constraint::Physical,
-            ..FitOptions::default()
-        };
+        let options = FitOptions::PHYSICAL;
         let fitted = fit_model(&train, &model, options)?;
         let filled = fitted.to_model(
             &model,

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use proprio_host::estimate::Constraint;
 use proprio_host::excite::Settings;
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::{Model, Provenance};
@@ -16,13 +15,6 @@ use proprio_tests::command::recorded_logs;
 
 /// Seeds of the motion that identifies and of the one that is tracked afterwards.
 const SEEDS: [u64; 2] = [1, 7];
-
-const PHYSICAL: FitOptions = FitOptions {
-    constraint: Constraint::Physical,
-    method: proprio_host::estimate::Method::Momentum,
-    stages: false,
-    bus: false,
-};
 
 /// Simulated robots: identified on one motion, judged on another.
 ///
@@ -48,7 +40,7 @@ pub fn simulated(robots: usize) -> Result<String, Failure> {
             let fit = fit_model(&recording, &model, options)?;
             Ok(fit.to_model(&model, provenance()?)?)
         };
-        let mut models = vec![("consistent".to_owned(), fitted(PHYSICAL)?)];
+        let mut models = vec![("consistent".to_owned(), fitted(FitOptions::PHYSICAL)?)];
         // A free fit may be unphysical, and then is no model.
         if let Ok(free) = fitted(FitOptions::default()) {
             models.push(("identified".to_owned(), free));
@@ -145,7 +137,7 @@ pub fn chirps() -> Result<String, Failure> {
             .cloned()
             .collect();
         let recording = Recording::read(&others, &model, |_, _| {})?;
-        let fit = fit_model(&recording, &model, PHYSICAL)?;
+        let fit = fit_model(&recording, &model, FitOptions::PHYSICAL)?;
         let models = vec![("full".to_owned(), fit.to_model(&model, provenance()?)?)];
         let urdf = Model::default();
         Ok(recorded(

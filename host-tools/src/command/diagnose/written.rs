@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::command::Error;
-use crate::estimate::Constraint;
 use crate::identify::model_fit::{FitOptions, check_reproduced, fit_model};
 use crate::model::{Model, Provenance};
 use crate::recording::Recording;
@@ -51,10 +50,7 @@ impl Written {
         let mut rms = None;
         match values {
             Values::OfTheseLogs(provenance) => {
-                let options = FitOptions {
-                    constraint: Constraint::Physical,
-                    ..FitOptions::default()
-                };
+                let options = FitOptions::PHYSICAL;
                 for said in model.take_out_repeated() {
                     eprintln!("note: {said}");
                 }
