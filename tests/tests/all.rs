@@ -71,6 +71,7 @@ mod second_encoder;
 mod walking;
 mod where_it_fails;
 mod words;
+mod wrong_bodies;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]
