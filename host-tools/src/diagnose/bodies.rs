@@ -16,7 +16,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot::Shared;
 use crate::identify::model_fit::{parameters, places_of};
-use crate::identify::{OtherBody, other_bodies, released};
+use crate::identify::{BodyQuantity, OtherBody, other_bodies, released};
 use crate::model::Model;
 use crate::parallel::side_by_side;
 use crate::select::limbs::Limbs;
@@ -59,9 +59,14 @@ pub(super) fn instead<'a>(
         .peekable();
     let are_loads =
         here.peek().is_some() && here.all(|(effect, _)| effect.description().form == Form::Inertia);
+    let others = other(fits.iter(), model);
+    // A load adds mass: where a body is lighter than the CAD's, one on its neighbour stands for what the CAD has too much.
+    let is_lighter =
+        |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
+    let are_loads = are_loads && !others.iter().any(is_lighter);
     Some(Instead {
         data: freed.collect(),
-        loaded: are_loads.then(|| other(fits.iter(), model)),
+        loaded: are_loads.then_some(others),
     })
 }
 
