@@ -333,13 +333,13 @@ fn judge(
     let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
     let instead = bodies::instead(&mended, &found, model);
     let (data, found) = match &instead {
-        Some(instead) if instead.loaded.is_none() => {
+        Some(instead) if instead.as_well.is_none() => {
             let found = search(Limbs::new(&instead.data, &given), causes);
             (&instead.data, found.ok_or_else(too_short)?)
         }
         _ => (&mended, found),
     };
-    let loaded = instead.as_ref().and_then(|instead| instead.loaded.clone());
+    let as_well = instead.as_ref().and_then(|instead| instead.as_well.clone());
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
         let reported = judged.iter().map(|&n| with_velocities(&all[n], &[]));
         let reported: Vec<LimbData> = reported.collect();
@@ -350,7 +350,7 @@ fn judge(
     let mut diagnosed = Diagnosed {
         bodies: Vec::new(),
         freed: instead.is_some(),
-        loaded,
+        as_well,
         twists: twists.collect(),
         model,
         recording,
@@ -385,8 +385,8 @@ struct Diagnosed<'a> {
     bodies: Vec<OtherBody>,
     /// Whether bodies were released from the CAD's.
     freed: bool,
-    /// Bodies that do as well as the loads that were found.
-    loaded: Option<Vec<OtherBody>>,
+    /// Bodies that do as well as the effects that were found.
+    as_well: Option<Vec<OtherBody>>,
     model: &'a Model,
     recording: &'a Recording,
     /// All limbs, their stance left out, and what was found at their feet.

@@ -2,8 +2,8 @@
 //!
 //! A search keeps bodies near the CAD, so that what a model lacks shows in the residual and not as an absurd mass. Where effects beyond
 //! those of every drive were found, or bodies pull away, the model is fitted once more with those of every drive alone and its bodies free: where
-//! that leaves noise alone, a body is the plainer cause, and the search is made again with that body free. A load is a body and an effect: found, it stays
-//! and is told beside the body. At the end bodies are told by the same fit as `identify` tells them.
+//! that leaves noise alone, a body is the plainer cause, and the search is made again with that body free. Where no more effects than bodies leave noise
+//! alone too (a load, an encoder's zero), either may be the cause: both are told. At the end bodies are told by the same fit as `identify` tells them.
 
 use std::sync::Arc;
 
@@ -19,8 +19,10 @@ use crate::identify::model_fit::{parameters, places_of};
 use crate::identify::{BodyQuantity, OtherBody, other_bodies, released};
 use crate::model::Model;
 use crate::parallel::side_by_side;
+use crate::select::fitted::{Fitted, Step};
 use crate::select::limbs::Limbs;
 use crate::select::search::Found;
+use crate::select::state::State;
 
 /// The limbs' fits, and what each leaves of what it has not seen.
 pub(super) type Fits<'a> = (Vec<LimbFit<'a>>, Vec<Squares>);
@@ -32,8 +34,8 @@ const PREDICTS: f64 = 0.05;
 pub(super) struct Instead<'a> {
     /// The data with the bodies released that do.
     pub(super) data: Vec<LimbData<'a>>,
-    /// Those bodies, where what was found beside them are loads: either may be the cause.
-    pub(super) loaded: Option<Vec<OtherBody>>,
+    /// Those bodies, where either they or the effects found may be the cause.
+    pub(super) as_well: Option<Vec<OtherBody>>,
 }
 
 /// The bodies that do instead of the effects found beyond the drives': released, they leave noise alone.
@@ -54,28 +56,46 @@ pub(super) fn instead<'a>(
     }
     let freed = data.iter().zip(&fits);
     let freed = freed.map(|(data, fit)| data.with_bodies(fit.less_certain()));
-    let mut here = beyond(found)
-        .filter(|(_, limb)| is_released(&fits[*limb]))
-        .peekable();
-    let are_loads =
-        here.peek().is_some() && here.all(|(effect, _)| effect.description().form == Form::Inertia);
     let others = other(fits.iter(), model);
-    // A load adds mass: where a body is lighter than the CAD's, one on its neighbour stands for what the CAD has too much.
-    let is_lighter =
-        |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
-    let are_loads = are_loads && !others.iter().any(is_lighter);
+    let limbs: Vec<usize> = (0..fits.len()).filter(|n| is_released(&fits[*n])).collect();
+    let as_well = is_as_plain(&limbs, found, &fits) && !are_too_light(&limbs, found, &others);
     Some(Instead {
         data: freed.collect(),
-        loaded: are_loads.then_some(others),
+        as_well: as_well.then_some(others),
     })
 }
 
-/// The effects found beyond the drives', and at which limb.
-fn beyond<'f>(found: &'f Found<Limbs>) -> impl Iterator<Item = (EffectKind, usize)> + 'f {
+/// Whether the effects found beyond the drives' at these limbs are as few as the bodies that are released there, and leave noise alone too.
+fn is_as_plain(limbs: &[usize], found: &Found<Limbs>, fits: &[LimbFit]) -> bool {
+    let is_here = |step: &&Step<_>| step.members.iter().any(|(limb, _)| limbs.contains(limb));
+    let effects = beyond(found).filter(is_here).count();
+    let bodies = limbs.iter().flat_map(|n| fits[*n].less_certain());
+    let bodies = bodies.filter(|times| *times > 1.0).count();
+    let leave_noise = |n: &usize| {
+        let most = bodies::at_floor(fits[*n].data);
+        most.is_some_and(|most| found.end.squares[*n].total() <= most)
+    };
+    (1..=bodies).contains(&effects) && limbs.iter().all(leave_noise)
+}
+
+/// Whether a load was found where a body is lighter than the CAD's: a load adds mass, and this one stands for what the CAD has too much.
+fn are_too_light(limbs: &[usize], found: &Found<Limbs>, others: &[OtherBody]) -> bool {
+    let is_load = |step: &Step<_>| {
+        let is_here = step.members.iter().any(|(limb, _)| limbs.contains(limb));
+        is_here && step.effect.description().form == Form::Inertia
+    };
+    let is_lighter =
+        |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
+    beyond(found).any(is_load) && others.iter().any(is_lighter)
+}
+
+/// The steps that added what the model at the end has beyond the drives' effects.
+fn beyond<'f, 'd>(found: &'f Found<Limbs<'d>>) -> impl Iterator<Item = &'f Step<State<'d>>> {
+    let is_there = |step: &Step<_>| step.members.iter().any(|member| found.end.has(member));
     let steps = found.steps.iter();
     steps
-        .filter(|step| !step.effect.description().is_plain())
-        .flat_map(|step| step.members.iter().map(|(limb, _)| (step.effect, *limb)))
+        .filter(|step| !step.effect.description().is_plain() && !step.removed)
+        .filter(move |step| is_there(step))
 }
 
 /// Whether nothing but bodies that are not the CAD's is missing.

@@ -85,12 +85,12 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         second_encoder: (d.each_twist())
             .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
-        bodies: match &d.loaded {
-            Some(loaded) => text::bodies(loaded, true),
+        bodies: match &d.as_well {
+            Some(bodies) => text::bodies(bodies, true),
             None => text::bodies(&d.bodies, false),
         },
-        bodies_instead: match &d.loaded {
-            Some(loaded) => !loaded.is_empty(),
+        bodies_instead: match &d.as_well {
+            Some(bodies) => !bodies.is_empty(),
             None => d.freed && bodies::are_all(&d.bodies, &d.found),
         },
         formulas,
