@@ -374,7 +374,7 @@ fn judge(
         true => outside,
         false => diagnosed.outside(),
     };
-    bodies::let_go(&mut diagnosed.found, refitted);
+    bodies::let_go(data, &mut diagnosed.found, refitted);
     diagnosed.bodies = bodies::beside(data, &diagnosed.found, model);
     Ok(report(&diagnosed, &outside, formulas))
 }
@@ -385,8 +385,8 @@ struct Diagnosed<'a> {
     bodies: Vec<OtherBody>,
     /// Whether bodies were released from the CAD's.
     freed: bool,
-    /// Bodies that do as well as the effects that were found.
-    as_well: Option<Vec<OtherBody>>,
+    /// Bodies that do as well as the effects that were found, and whether those are loads.
+    as_well: Option<(Vec<OtherBody>, bool)>,
     model: &'a Model,
     recording: &'a Recording,
     /// All limbs, their stance left out, and what was found at their feet.

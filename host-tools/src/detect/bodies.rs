@@ -5,7 +5,7 @@
 //! go below and none that lacks something reaches.
 
 use super::floor;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::{self, Shared};
@@ -22,7 +22,17 @@ pub(crate) fn fit<'a>(
     places: &[Vec<Place>],
     how: &How,
 ) -> (Vec<LimbFit<'a>>, Vec<Shared>) {
-    let (fits, shared) = robot::fit(data, places, how);
+    fit_from(data, places, how, &vec![None; data.len()])
+}
+
+/// The same from the limbs' own values, where they have any.
+pub(crate) fn fit_from<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+    start: &[Option<Values>],
+) -> (Vec<LimbFit<'a>>, Vec<Shared>) {
+    let (fits, shared) = robot::fit_from(data, places, how, start);
     if fits.len() < data.len() {
         return (fits, shared);
     }

@@ -10,11 +10,10 @@ use std::sync::Arc;
 use proprio_core::effect::{EffectKind, Form};
 
 use crate::detect::bodies;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, Values};
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
-use crate::estimate::robot::Shared;
 use crate::identify::model_fit::{parameters, places_of};
 use crate::identify::{BodyQuantity, OtherBody, other_bodies, released};
 use crate::model::Model;
@@ -34,8 +33,8 @@ const PREDICTS: f64 = 0.05;
 pub(super) struct Instead<'a> {
     /// The data with the bodies released that do.
     pub(super) data: Vec<LimbData<'a>>,
-    /// Those bodies, where either they or the effects found may be the cause.
-    pub(super) as_well: Option<Vec<OtherBody>>,
+    /// Those bodies, where either they or the effects found may be the cause, and whether these are loads: then a body is the cause either way.
+    pub(super) as_well: Option<(Vec<OtherBody>, bool)>,
 }
 
 /// The bodies that do instead of the effects found beyond the drives': released, they leave noise alone.
@@ -58,17 +57,22 @@ pub(super) fn instead<'a>(
     let freed = freed.map(|(data, fit)| data.with_bodies(fit.less_certain()));
     let others = other(fits.iter(), model);
     let limbs: Vec<usize> = (0..fits.len()).filter(|n| is_released(&fits[*n])).collect();
-    let as_well = is_as_plain(&limbs, found, &fits) && !are_too_light(&limbs, found, &others);
+    let is_load = |step: &Step<_>| step.effect.description().form == Form::Inertia;
+    let are_loads = here(&limbs, found).all(is_load);
+    // A load adds mass: where a body is lighter than the CAD's, one on its neighbour stands for what the CAD has too much.
+    let is_lighter =
+        |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
+    let is_wrong = here(&limbs, found).any(is_load) && others.iter().any(is_lighter);
+    let as_well = is_as_plain(&limbs, found, &fits) && !is_wrong;
     Some(Instead {
         data: freed.collect(),
-        as_well: as_well.then_some(others),
+        as_well: as_well.then_some((others, are_loads)),
     })
 }
 
 /// Whether the effects found beyond the drives' at these limbs are as few as the bodies that are released there, and leave noise alone too.
 fn is_as_plain(limbs: &[usize], found: &Found<Limbs>, fits: &[LimbFit]) -> bool {
-    let is_here = |step: &&Step<_>| step.members.iter().any(|(limb, _)| limbs.contains(limb));
-    let effects = beyond(found).filter(is_here).count();
+    let effects = here(limbs, found).count();
     let bodies = limbs.iter().flat_map(|n| fits[*n].less_certain());
     let bodies = bodies.filter(|times| *times > 1.0).count();
     let leave_noise = |n: &usize| {
@@ -78,15 +82,13 @@ fn is_as_plain(limbs: &[usize], found: &Found<Limbs>, fits: &[LimbFit]) -> bool 
     (1..=bodies).contains(&effects) && limbs.iter().all(leave_noise)
 }
 
-/// Whether a load was found where a body is lighter than the CAD's: a load adds mass, and this one stands for what the CAD has too much.
-fn are_too_light(limbs: &[usize], found: &Found<Limbs>, others: &[OtherBody]) -> bool {
-    let is_load = |step: &Step<_>| {
-        let is_here = step.members.iter().any(|(limb, _)| limbs.contains(limb));
-        is_here && step.effect.description().form == Form::Inertia
-    };
-    let is_lighter =
-        |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
-    beyond(found).any(is_load) && others.iter().any(is_lighter)
+/// Those of [`beyond`] at one of these limbs.
+fn here<'f, 'd>(
+    limbs: &'f [usize],
+    found: &'f Found<Limbs<'d>>,
+) -> impl Iterator<Item = &'f Step<State<'d>>> {
+    let is_here = |step: &&Step<_>| step.members.iter().any(|(limb, _)| limbs.contains(limb));
+    beyond(found).filter(is_here)
 }
 
 /// The steps that added what the model at the end has beyond the drives' effects.
@@ -141,8 +143,21 @@ fn how() -> How {
 
 /// The model as given, its values fitted anew as `identify` does; `None` if numbers are not finite.
 pub(super) fn refitted<'a>(data: &'a [LimbData<'a>]) -> Option<Fits<'a>> {
-    let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
-    let (fits, _) = bodies::fit(data, &places, &how());
+    fitted(data, &given(data), &how(), &vec![None; data.len()])
+}
+
+/// Each limb's effects as they are given.
+fn given(data: &[LimbData]) -> Vec<Vec<Place>> {
+    data.iter().map(places_of).collect()
+}
+
+fn fitted<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+    start: &[Option<Values>],
+) -> Option<Fits<'a>> {
+    let (fits, _) = bodies::fit_from(data, places, how, start);
     let squares = side_by_side(&fits, |fit| {
         Some(fit.data.squares(&fit.predicted_held_out()?))
     });
@@ -150,41 +165,42 @@ pub(super) fn refitted<'a>(data: &'a [LimbData<'a>]) -> Option<Fits<'a>> {
     (fits.len() == data.len()).then_some((fits, squares?))
 }
 
-/// Lets go of the bodies that the search has held nearer to the CAD, as `identify` would fit the same effects. Where nothing was added, the model at the end is
-/// the one that was `refitted`.
-pub(super) fn let_go<'a>(found: &mut Found<Limbs<'a>>, refitted: Fits<'a>) {
-    let end = &mut found.end;
-    let is_start = found.steps.is_empty();
-    for (n, (fit, squares)) in refitted.0.into_iter().zip(refitted.1).enumerate() {
-        if !is_held(&end.fits[n]) {
-            continue;
-        }
-        let told = match is_start {
-            true => Some((fit, squares)),
-            false => {
-                let held = &end.fits[n];
-                let how = How {
-                    start: Some(held.values.clone()),
-                    shapes: Some(Vec::new()),
-                    held: end.shared.iter().map(Shared::place).collect(),
-                    ..how()
-                };
-                let places = vec![held.values.places().collect()];
-                let data = std::slice::from_ref(held.data);
-                let (fits, _) = bodies::fit(data, &places, &how);
-                fits.into_iter().next().and_then(|fit| {
-                    let squares = fit.data.squares(&fit.predicted_held_out()?);
-                    Some((fit, squares))
-                })
+/// Lets go of the bodies that the search has held nearer to the CAD: the models after each step as `identify` would fit the same effects, with the shapes that
+/// the search has found. Where nothing was added, the model at the end is the one that was `refitted`.
+pub(super) fn let_go<'a>(
+    data: &'a [LimbData<'a>],
+    found: &mut Found<Limbs<'a>>,
+    refitted: Fits<'a>,
+) {
+    let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
+    let is_free = total(&found.start) == total(&refitted.1);
+    if is_free && !found.end.fits.iter().any(|fit| is_held(fit)) {
+        return;
+    }
+    let start: Vec<Option<Values>> = (found.end.fits.iter())
+        .map(|fit| Some(fit.values.clone()))
+        .collect();
+    let how = How {
+        shapes: Some(Vec::new()),
+        ..how()
+    };
+    let mut end = Some(refitted);
+    let mut places = given(data);
+    for step in &mut found.steps {
+        for (limb, place) in &step.members {
+            match step.removed {
+                true => places[*limb].retain(|own| own != place),
+                false => places[*limb].push(*place),
             }
-        };
-        if let Some((fit, squares)) = told {
-            end.fits[n] = Arc::new(fit);
-            end.squares[n] = squares;
+        }
+        end = fitted(data, &places, &how, &start);
+        if let Some((_, squares)) = &end {
+            step.errors.clone_from(squares);
         }
     }
-    if let Some(last) = found.steps.last_mut() {
-        last.errors.clone_from(&found.end.squares);
+    if let Some((fits, squares)) = end {
+        found.end.fits = fits.into_iter().map(Arc::new).collect();
+        found.end.squares = squares;
     }
 }
 

@@ -86,11 +86,11 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
             .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
         bodies: match &d.as_well {
-            Some(bodies) => text::bodies(bodies, true),
+            Some((bodies, _)) => text::bodies(bodies, true),
             None => text::bodies(&d.bodies, false),
         },
         bodies_instead: match &d.as_well {
-            Some(bodies) => !bodies.is_empty(),
+            Some((bodies, are_loads)) => *are_loads && !bodies.is_empty(),
             None => d.freed && bodies::are_all(&d.bodies, &d.found),
         },
         formulas,
