@@ -11,6 +11,7 @@ is the URDF alone. A second part adds a load to arms that were diagnosed without
 
 import argparse
 import json
+import re
 import subprocess
 import tempfile
 import zlib
@@ -218,6 +219,14 @@ def named(found):
     return [one for one in added if one[0] not in DRIVE]
 
 
+def heavier(found):
+    """Of each body whose mass a diagnosis finds above the model's: by how much, and the standard deviation of that, kg."""
+    told = "(.*): mass ([^ ]*) ± ([^ ]*) kg, the URDF says ([^ ]*) ± ([^ ]*) kg"
+    matches = [re.match(told, body) for body in found.get("bodies", [])]
+    numbers = {match[1]: [float(number) for number in match.groups()[1:]] for match in matches if match}
+    return {link: (now - was, (std**2 + known**2) ** 0.5) for link, (now, std, was, known) in numbers.items() if now > was}
+
+
 def of_case(proprio, robot, effect, seed):
     with tempfile.TemporaryDirectory() as folder:
         joint = make(robot, effect, seed, Path(folder))
@@ -227,15 +236,19 @@ def of_case(proprio, robot, effect, seed):
     if found["verdict"] == "refused" or "path" not in found:
         return effect, f"{robot}, {effect}: refused", "refused"
     names, after, floor = named(found), found["error"]["after"], found["error"]["floor"]
+    masses = heavier(found)
     at = "base" if effect == "delay" else joint
     if effect == "none":
         verdict = "right" if not names and not found["outside_catalogue"] else "wrong"
     elif effect in OUTSIDE:
         formula = [one for one in names if one[1] == joint and one[0] not in CATALOGUE]
         verdict = "right" if formula and names[0] == formula[0] else "outside" if found["outside_catalogue"] else "wrong"
+    elif effect == "payload" and not names:
+        # A load is a body that is heavier.
+        verdict = "right" if masses else "wrong"
     else:
         verdict = "right" if names == [(effect, at)] else "with others" if (effect, at) in names else "wrong"
-    shown = ", ".join(f"{name}:{where}" for name, where in names) or "nothing"
+    shown = ", ".join([f"{name}:{where}" for name, where in names] + [f"mass of {link}" for link in masses]) or "nothing"
     floor = "unknown" if floor is None else f"{floor:.4g} N m"
     return effect, f"{robot}, {effect} at {joint}: {shown}; {after:.4g} N m, floor {floor}", verdict
 
@@ -265,6 +278,9 @@ def of_load(proprio, robot, seed):
         parameters = own[0]["parameters"]
         told = parameters[0][0] if isinstance(parameters[0], list) else parameters[0]
         off = (told["value"] - mass) / told["std"]
+    elif len(bodies := heavier(found)) == 1:
+        [(more, std)] = bodies.values()
+        off = (more - mass) / std
     return robot, f"{robot}, {mass:.2f} kg: " + ("not named" if off is None else f"{off:+.1f} σ") + f", {gains} torque gains", (off, gains)
 
 
