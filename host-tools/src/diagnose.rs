@@ -34,6 +34,7 @@ use crate::parallel::side_by_side;
 use crate::recording::{Recording, RecordingError};
 use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
+use crate::select::state::how;
 use crate::summary::ErrorRange;
 pub use changed::ChangedValue;
 pub use formulas::FoundFormula;
@@ -329,7 +330,6 @@ fn judge(
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
     // What everything is held against is of the velocities as the file has them.
     let ladder = side_by_side(&judged, |&n| ladder::of(&all[n], model));
-    let refitted = bodies::refitted(&mended).ok_or_else(too_short)?;
     let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
     let instead = bodies::instead(&mended, &found, model);
     let (data, found) = match &instead {
@@ -340,10 +340,12 @@ fn judge(
         _ => (&mended, found),
     };
     let as_well = instead.as_ref().and_then(|instead| instead.as_well.clone());
+    let refitted = bodies::refitted(&mended).map(|(_, squares)| squares);
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
-        let reported = judged.iter().map(|&n| with_velocities(&all[n], &[]));
-        let reported: Vec<LimbData> = reported.collect();
-        Some(bodies::refitted(&reported)?.1)
+        let of = |&n: &usize| start_squares(&all[n]);
+        side_by_side(&judged, of)
+            .into_iter()
+            .collect::<Option<Vec<Squares>>>()
     });
     let twists = data.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
@@ -361,7 +363,7 @@ fn judge(
         velocity: &velocity,
         ladder: ladder.concat(),
         before: before.flatten(),
-        refitted: refitted.1.clone(),
+        refitted: refitted.unwrap_or_else(|| found.start.clone()),
         found,
     };
     let outside = diagnosed.outside();
@@ -374,7 +376,7 @@ fn judge(
         true => outside,
         false => diagnosed.outside(),
     };
-    bodies::let_go(data, &mut diagnosed.found, refitted);
+    bodies::let_go(data, &mut diagnosed.found);
     diagnosed.bodies = bodies::beside(data, &diagnosed.found, model);
     Ok(report(&diagnosed, &outside, formulas))
 }
@@ -438,4 +440,10 @@ fn with_velocities<'a>(data: &LimbData<'a>, wrong: &[(usize, VelocityGain)]) -> 
         gains[*joint] = gain.value;
     }
     data.with_gains(gains)
+}
+
+/// Held-out sums of squares of the model as it is given.
+fn start_squares(data: &LimbData) -> Option<Squares> {
+    let fit = LimbFit::of(data, &places_of(data), &how())?;
+    Some(data.squares(&fit.predicted_held_out()?))
 }

@@ -67,7 +67,6 @@ class Bench:
         pairs.append((diagnosed["path"][0]["error"], compared["error"]["after"]))
         if model:
             pairs.append((fitted["error"]["after"], identified["error"]["after"]))
-            pairs.append((fitted["error"]["after"], diagnosed["path"][1]["error"]))
         worst = max(abs(a - b) if a is not None and b is not None else float(a is not b) for a, b in pairs)
         return worst, compared["error"]["floor"]
 

@@ -49,7 +49,6 @@ pub(super) fn instead<'a>(
     }
     let plain: Vec<Vec<Place>> = data.iter().map(with_drive).collect();
     let (fits, _) = bodies::fit(data, &plain, &how());
-    let is_released = |fit: &LimbFit| fit.less_certain().iter().any(|times| *times > 1.0);
     if fits.len() < data.len() || !fits.iter().any(is_released) {
         return None;
     }
@@ -63,23 +62,30 @@ pub(super) fn instead<'a>(
     let is_lighter =
         |body: &OtherBody| body.quantity == BodyQuantity::Mass && body.value[0] < body.stated[0];
     let is_wrong = here(&limbs, found).any(is_load) && others.iter().any(is_lighter);
-    let as_well = is_as_plain(&limbs, found, &fits) && !is_wrong;
+    let count = |fits: &[LimbFit]| {
+        let bodies = limbs.iter().flat_map(|n| fits[*n].less_certain());
+        bodies.filter(|times| *times > 1.0).count()
+    };
+    // The effects found, with the bodies released that are not the CAD's beside them: as plain where both together are no more, and leave noise alone.
+    let (effects, mut as_well) = (here(&limbs, found).count(), None);
+    if (1..=count(&fits)).contains(&effects) && !is_wrong {
+        let (end, squares) = free_end(data, found)?;
+        let leave_noise = |n: &usize| {
+            let most = bodies::at_floor(end[*n].data);
+            most.is_some_and(|most| squares[*n].total() <= most)
+        };
+        let beside = count(&end);
+        if effects + beside <= count(&fits) && limbs.iter().all(leave_noise) {
+            if beside > 0 {
+                return None;
+            }
+            as_well = Some((others, are_loads));
+        }
+    }
     Some(Instead {
         data: freed.collect(),
-        as_well: as_well.then_some((others, are_loads)),
+        as_well,
     })
-}
-
-/// Whether the effects found beyond the drives' at these limbs are as few as the bodies that are released there, and leave noise alone too.
-fn is_as_plain(limbs: &[usize], found: &Found<Limbs>, fits: &[LimbFit]) -> bool {
-    let effects = here(limbs, found).count();
-    let bodies = limbs.iter().flat_map(|n| fits[*n].less_certain());
-    let bodies = bodies.filter(|times| *times > 1.0).count();
-    let leave_noise = |n: &usize| {
-        let most = bodies::at_floor(fits[*n].data);
-        most.is_some_and(|most| found.end.squares[*n].total() <= most)
-    };
-    (1..=bodies).contains(&effects) && limbs.iter().all(leave_noise)
 }
 
 /// Those of [`beyond`] at one of these limbs.
@@ -111,13 +117,15 @@ fn other<'f>(fits: impl Iterator<Item = &'f LimbFit<'f>> + Clone, model: &Model)
     other_bodies(all.iter().map(|own| &own.estimate), &released(fits), model)
 }
 
-/// The bodies that the model at the end puts beyond what is known of them; none of a model that does not predict.
+/// The bodies that the model at the end puts beyond what is known of them; none of a model that does not predict, and of a limb none while one is held: a
+/// value at its bound is no finding.
 pub(super) fn beside(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> Vec<OtherBody> {
     let end: f64 = found.end.squares.iter().map(Squares::total).sum();
     if end > told_below(data) {
         return Vec::new();
     }
-    other(found.end.fits.iter().map(|fit| &**fit), model)
+    let fits = found.end.fits.iter().map(|fit| &**fit);
+    other(fits.filter(|fit| !is_held(fit)), model)
 }
 
 /// Held-out squares below which a model tells bodies, (N m)².
@@ -133,6 +141,11 @@ fn is_held(fit: &LimbFit) -> bool {
     fit.tightness.iter().any(|tightness| *tightness > 1.0)
 }
 
+/// Whether a fit has released a body.
+fn is_released(fit: &LimbFit) -> bool {
+    fit.less_certain().iter().any(|times| *times > 1.0)
+}
+
 /// How a model's values are fitted where nothing is searched for: as `identify` and `compare` do.
 fn how() -> How {
     How {
@@ -141,9 +154,10 @@ fn how() -> How {
     }
 }
 
-/// The model as given, its values fitted anew as `identify` does; `None` if numbers are not finite.
+/// The model as given with bodies released, where that leaves noise alone at a limb: then its values fitted anew are those of `identify`.
 pub(super) fn refitted<'a>(data: &'a [LimbData<'a>]) -> Option<Fits<'a>> {
-    fitted(data, &given(data), &how(), &vec![None; data.len()])
+    let told = fitted(data, &given(data), &how(), &vec![None; data.len()])?;
+    told.0.iter().any(is_released).then_some(told)
 }
 
 /// Each limb's effects as they are given.
@@ -165,26 +179,34 @@ fn fitted<'a>(
     (fits.len() == data.len()).then_some((fits, squares?))
 }
 
-/// Lets go of the bodies that the search has held nearer to the CAD: the models after each step as `identify` would fit the same effects, with the shapes that
-/// the search has found. Where nothing was added, the model at the end is the one that was `refitted`.
-pub(super) fn let_go<'a>(
-    data: &'a [LimbData<'a>],
-    found: &mut Found<Limbs<'a>>,
-    refitted: Fits<'a>,
-) {
-    let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
-    let is_free = total(&found.start) == total(&refitted.1);
-    if is_free && !found.end.fits.iter().any(|fit| is_held(fit)) {
-        return;
-    }
-    let start: Vec<Option<Values>> = (found.end.fits.iter())
-        .map(|fit| Some(fit.values.clone()))
-        .collect();
-    let how = How {
+/// How a model is fitted of which the search has found the shapes.
+fn how_found() -> How {
+    How {
         shapes: Some(Vec::new()),
         ..how()
+    }
+}
+
+fn values_at_end(found: &Found<Limbs>) -> Vec<Option<Values>> {
+    let fits = found.end.fits.iter();
+    fits.map(|fit| Some(fit.values.clone())).collect()
+}
+
+/// The model at the end with what the search has held let go of.
+fn free_end<'a>(data: &'a [LimbData<'a>], found: &Found<Limbs>) -> Option<Fits<'a>> {
+    let fits = found.end.fits.iter();
+    let places: Vec<Vec<Place>> = fits.map(|fit| fit.values.places().collect()).collect();
+    fitted(data, &places, &how_found(), &values_at_end(found))
+}
+
+/// Lets go of the bodies that the search has held nearer to the CAD where that leaves noise alone: the models after each step as `identify` would fit the same
+/// effects, with the shapes that the search has found.
+pub(super) fn let_go<'a>(data: &'a [LimbData<'a>], found: &mut Found<Limbs<'a>>) {
+    let end = free_end(data, found);
+    let Some((fits, squares)) = end.filter(|(fits, _)| fits.iter().any(is_released)) else {
+        return;
     };
-    let mut end = Some(refitted);
+    let start = values_at_end(found);
     let mut places = given(data);
     for step in &mut found.steps {
         for (limb, place) in &step.members {
@@ -193,15 +215,15 @@ pub(super) fn let_go<'a>(
                 false => places[*limb].push(*place),
             }
         }
-        end = fitted(data, &places, &how, &start);
-        if let Some((_, squares)) = &end {
-            step.errors.clone_from(squares);
+        if let Some((_, squares)) = fitted(data, &places, &how_found(), &start) {
+            step.errors = squares;
         }
     }
-    if let Some((fits, squares)) = end {
-        found.end.fits = fits.into_iter().map(Arc::new).collect();
-        found.end.squares = squares;
+    if let Some(last) = found.steps.last_mut() {
+        last.errors.clone_from(&squares);
     }
+    found.end.fits = fits.into_iter().map(Arc::new).collect();
+    found.end.squares = squares;
 }
 
 /// The effects of the model as given and those of every drive.
