@@ -1,6 +1,7 @@
 """What `export --mjcf` writes, in MuJoCo: its torque is the model's."""
 
 import re
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -93,8 +94,11 @@ class Export(InFolder):
         with_effects(self.folder, "strong.toml", [e for e in effects if e[0] != "coupled_viscous"] + [("coupled_viscous", "FR_calf", "value = 0.3")])
         told = self.json("export", "-m", "strong.toml", "--mjcf", "-o", "strong.xml")
         self.assertTrue(any("coupled_viscous:FR_calf is left out" in note for note in told["notes"]), told["notes"])
-        # URDF has no word for any of it.
+        # URDF has a word for the limit alone.
         told = self.json("export", "-m", "coupled.toml", "--urdf", "-o", "coupled.urdf")
         left = " ".join(told["notes"])
-        for name in ("coupled_viscous:FR_calf", "coupled_armature:FR_calf", "saturation:FR_hip"):
+        for name in ("coupled_viscous:FR_calf", "coupled_armature:FR_calf"):
             self.assertIn(f"{name} is left out", left)
+        self.assertNotIn("saturation", left)
+        hip = next(j for j in ElementTree.parse(self.folder / "coupled.urdf").iter("joint") if j.get("name") == "FR_hip_joint")
+        self.assertEqual(float(hip.find("limit").get("effort")), 9.0)
