@@ -340,7 +340,10 @@ fn judge(
         _ => (&mended, found),
     };
     let as_well = instead.as_ref().and_then(|instead| instead.as_well.clone());
-    let refitted = bodies::refitted(&mended).map(|(_, squares)| squares);
+    // Where no body is far from the CAD's the search has begun with that very fit.
+    let is_far = instead.is_some() || found.end.fits.iter().any(|fit| bodies::is_held(fit));
+    let refitted = is_far.then(|| bodies::refitted(&mended)).flatten();
+    let refitted = refitted.map(|(_, squares)| squares);
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
         let of = |&n: &usize| start_squares(&all[n]);
         side_by_side(&judged, of)

@@ -137,7 +137,7 @@ fn told_below(data: &[LimbData]) -> f64 {
 }
 
 /// Whether a fit holds a body nearer to the CAD than its uncertainty says.
-fn is_held(fit: &LimbFit) -> bool {
+pub(super) fn is_held(fit: &LimbFit) -> bool {
     fit.tightness.iter().any(|tightness| *tightness > 1.0)
 }
 
