@@ -2,7 +2,7 @@
 //!
 //! Data carry a body far from the CAD's for two reasons. It is another one: then the prior is wrong, would bias its value and make its error too small, and
 //! is to be released. Or the model lacks an effect, and an absurd mass stands in for it. What tells them apart is the log's noise floor, which no model can
-//! go below and none that lacks something reaches.
+//! go below and few that lack something reach: a soft gear's elasticity may be within a tenth of it, and such a body is then released too.
 
 use super::floor;
 use crate::equation::values::{Place, Values};
