@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::every_window::EveryWindow;
 use crate::detect::ladder::{self, JointLadder, Yardsticks};
+use crate::detect::load_change::LoadChange;
 use crate::detect::mismatch::Mismatch;
 use crate::detect::twist::Twist;
 use crate::equation::folds::LEAST_HELD_OUT;
@@ -330,11 +331,14 @@ fn judge(
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
     // What everything is held against is of the velocities as the file has them.
     let ladder = side_by_side(&judged, |&n| ladder::of(&all[n], model));
-    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
+    let noise: Vec<Vec<Option<f64>>> = (ladder.iter())
+        .map(|joints| joints.iter().map(JointLadder::noise_squares).collect())
+        .collect();
+    let found = search(Limbs::new(&mended, &given, &noise), causes).ok_or_else(too_short)?;
     let instead = bodies::instead(&mended, &found, model);
     let (data, found) = match &instead {
         Some(instead) if instead.as_well.is_none() => {
-            let found = search(Limbs::new(&instead.data, &given), causes);
+            let found = search(Limbs::new(&instead.data, &given, &noise), causes);
             (&instead.data, found.ok_or_else(too_short)?)
         }
         _ => (&mended, found),
@@ -356,6 +360,7 @@ fn judge(
         bodies: Vec::new(),
         freed: instead.is_some(),
         as_well,
+        load_changes: Vec::new(),
         twists: twists.collect(),
         model,
         recording,
@@ -369,6 +374,7 @@ fn judge(
         refitted: refitted.unwrap_or_else(|| found.start.clone()),
         found,
     };
+    diagnosed.load_changes = diagnosed.load_changes();
     let outside = diagnosed.outside();
     let joints = match reach.catalogue_only {
         true => Vec::new(),
@@ -405,6 +411,8 @@ struct Diagnosed<'a> {
     velocity: &'a [Vec<(usize, VelocityGain)>],
     /// Of those what each joint's error is to be measured against.
     ladder: Vec<JointLadder>,
+    /// Of those a load that comes or goes within the log.
+    load_changes: Vec<Option<LoadChange>>,
     /// Of those the gears that second encoders show and the model does not have.
     twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.

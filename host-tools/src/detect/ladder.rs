@@ -40,6 +40,13 @@ pub(crate) struct JointLadder {
     pub(crate) noise: Option<NoiseFloor>,
 }
 
+impl JointLadder {
+    /// What noise leaves of the joint's held-out squares, (N m)²; none where its floor is not known.
+    pub(crate) fn noise_squares(&self) -> Option<f64> {
+        Some(self.windows * self.noise?.rms.powi(2))
+    }
+}
+
 /// Those of a limb's joints, held against the file's model as `given`.
 pub(crate) fn of(data: &LimbData, given: &Model) -> Vec<JointLadder> {
     let zero = vec![0.0; data.torque.len()];

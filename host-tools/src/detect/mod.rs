@@ -8,6 +8,7 @@
 //! - `every_window`: what models make of every window of logs of which a part was drawn
 //! - `floor`: the noise floor of a log: the error that no model can take away
 //! - `ladder`: what every result is held against, the same in every command
+//! - `load_change`: a load that comes or goes within a log
 //! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
 //! - `residual`: what a residual says of the model: where it fails, when, whether anything but noise is left, and how far it is from the
 //!   noise
@@ -22,6 +23,7 @@ pub(crate) mod contact;
 pub mod every_window;
 pub(crate) mod floor;
 pub mod ladder;
+pub(crate) mod load_change;
 pub mod mismatch;
 pub mod residual;
 pub(crate) mod series;

@@ -13,6 +13,7 @@ use crate::detect::black_box::Explained;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::ladder::Yardsticks;
+use crate::detect::load_change::{self, LoadChange};
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
 use crate::equation::values::Place;
@@ -355,9 +356,14 @@ impl Diagnosed<'_> {
             (candidate.joints.join(", "), text::unphysical(&candidate))
         });
         let resolved = self.resolved();
+        let loads = self.load_changes.iter().enumerate();
+        let loads = loads.filter_map(|(limb, change)| {
+            let change = change.as_ref()?;
+            Some((self.name(limb, change.joint), text::load_change(change)))
+        });
         // One sentence a joint: they are of one cause, the first says most.
         let mut told: Vec<Left> = Vec::new();
-        for (joint, words) in (structures.chain(boxes))
+        for (joint, words) in (loads.chain(structures).chain(boxes))
             .chain(drifting)
             .chain(bursts)
             .chain(unphysical)
@@ -372,10 +378,29 @@ impl Diagnosed<'_> {
         told
     }
 
+    /// Of each limb the load that comes or goes within the log, if one does.
+    pub(super) fn load_changes(&self) -> Vec<Option<LoadChange>> {
+        let mut ladder = self.ladder.iter().map(|joint| joint.noise);
+        let limbs: Vec<_> = (self.found.end.fits.iter())
+            .map(|fit| {
+                (
+                    fit,
+                    ladder.by_ref().take(fit.data.joints()).collect::<Vec<_>>(),
+                )
+            })
+            .collect();
+        side_by_side(&limbs, |(fit, noise)| {
+            let below = fit.below_limits();
+            load_change::of(&below, &fit.values, &fit.predicted_held_out()?, noise)
+        })
+    }
+
     /// The limbs and joints of which more is left than a sampled log resolves.
     pub(super) fn unresolved(&self) -> Vec<(usize, usize)> {
         let resolved = self.resolved();
         let limbs = self.judged.iter().enumerate();
+        // What a load that comes or goes leaves at each joint is no law of that joint.
+        let limbs = limbs.filter(|(limb, _)| self.load_changes[*limb].is_none());
         let of = |(limb, &n): (usize, &usize)| {
             let names = self.all[n].joint_names().into_iter().enumerate();
             let open = names.filter(|(_, name)| !resolved.contains(name));

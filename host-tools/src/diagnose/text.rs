@@ -7,6 +7,7 @@ use proprio_core::effect::Form;
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::catalogue;
 use crate::detect::black_box::{Explained, Inputs};
+use crate::detect::load_change::LoadChange;
 use crate::detect::twist::{Beside, Twist};
 use crate::identify::OtherBody;
 use crate::parameter::told;
@@ -235,6 +236,17 @@ pub(super) fn black_box(taken: &Explained) -> Option<String> {
         100.0 * taken.share,
         100.0 * taken.std,
     ))
+}
+
+/// A load that comes or goes.
+pub(super) fn load_change(change: &LoadChange) -> String {
+    let [mass, error] = change.mass;
+    let more = if mass > 0.0 { "more" } else { "less" };
+    let from = format!("{:.1}", change.from);
+    format!(
+        "its link carries {} kg {more} from {from} s on; `--only 't < {from}'` and `--only 't > {from}'` take the parts of the log.",
+        with_std(mass.abs(), error)
+    )
 }
 
 /// What is said of a parameter that changes with time.

@@ -19,6 +19,16 @@ pub(super) fn nothing<M: Fitted>(model: &M, steps: &[Step<M>], drive: bool) -> V
     small.into_iter().map(|(_, member)| member).collect()
 }
 
+/// What steps have added beyond a drive's own effects and limits, the last first.
+pub(super) fn beyond_drives<M: Fitted>(steps: &[Step<M>]) -> Vec<Member> {
+    let own = |step: &&Step<M>| {
+        let description = step.effect.description();
+        !step.removed && !description.is_plain() && !description.is_limit()
+    };
+    let added = steps.iter().filter(own).rev();
+    added.flat_map(|step| step.members.clone()).collect()
+}
+
 /// What steps have added and has become a shift in time that samples of this `period` (s) do not show: as a candidate it would not be taken.
 pub(super) fn unresolved<M: Fitted>(model: &M, steps: &[Step<M>], period: f64) -> Vec<Member> {
     let is_resolved = |member: &Member| {

@@ -3,6 +3,7 @@
 use super::accept::Context;
 use super::candidate::{Candidate, Member};
 use super::compliance_scan;
+use super::criteria::step::{is_far_from_noise, is_stand_in};
 use super::drift::{Drift, drifts};
 use super::limits::{Sought, with_limit};
 use super::look::Screens;
@@ -11,7 +12,7 @@ use super::source::{Source, Tried};
 use super::state::{State, how_kept};
 use super::trial_factors::ScoreTest;
 use crate::equation::values::Place;
-use crate::estimate::limb_data::LimbData;
+use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::limit::Limit;
 
 /// The limbs' data, and what was seen of them.
@@ -19,15 +20,23 @@ pub(crate) struct Limbs<'a> {
     data: &'a [LimbData<'a>],
     /// Each limb's effects as they were given.
     given: Vec<Vec<Place>>,
+    /// Each joint's noise, held-out squares, (N m)²; none where it is not known.
+    noise: Vec<Vec<Option<f64>>>,
     screens: Screens<'a>,
     limits: Sought<'a>,
 }
 
 impl<'a> Limbs<'a> {
-    pub(crate) fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Self {
+    /// Of limbs' data, with each limb's effects as given and each of its joints' `noise` as held-out squares, (N m)², where it is known.
+    pub(crate) fn new(
+        data: &'a [LimbData<'a>],
+        given: &[Vec<Place>],
+        noise: &[Vec<Option<f64>>],
+    ) -> Self {
         Self {
             data,
             given: given.to_vec(),
+            noise: noise.to_vec(),
             screens: Screens::default(),
             limits: Sought::default(),
         }
@@ -56,7 +65,7 @@ impl<'a> Source for Limbs<'a> {
     }
 
     fn anew(&self) -> Self {
-        Self::new(self.data, &self.given)
+        Self::new(self.data, &self.given, &self.noise)
     }
 
     fn limbs(&self) -> usize {
@@ -133,6 +142,25 @@ impl<'a> Source for Limbs<'a> {
         all: &'c [Candidate],
     ) -> Option<(&'c Candidate, State<'a>, bool)> {
         compliance_scan::most_promising_transmission(&self.context(model), refused, all)
+    }
+
+    fn leaves_much(&self, model: &State<'a>, limb: usize) -> bool {
+        let left = model.squares[limb].by_joint().into_iter();
+        let joints = left.zip(&self.noise[limb]);
+        let mut known = joints.filter_map(|(left, noise)| Some((left, (*noise)?)));
+        known.any(|(left, noise)| is_far_from_noise(left, noise))
+    }
+
+    fn is_stand_in(&self, model: &State<'a>, without: &State<'a>) -> bool {
+        let by_joint = |model: &State| -> Vec<f64> {
+            model.squares.iter().flat_map(Squares::by_joint).collect()
+        };
+        let joints = by_joint(without).into_iter().zip(by_joint(model));
+        let known = joints.zip(self.noise.iter().flatten());
+        let known = known.filter_map(|((without, with), noise)| Some((without, with, (*noise)?)));
+        let takes = |(without, with, noise): &(f64, f64, f64)| (without - with) / noise;
+        let most = known.max_by(|a, b| takes(a).total_cmp(&takes(b)));
+        most.is_some_and(|(without, with, noise)| is_stand_in(without, with, noise))
     }
 
     fn settled(&self, model: State<'a>, steady: f64) -> State<'a> {

@@ -323,19 +323,36 @@ impl<S: Source> Search<S> {
     /// Takes out again what has become nothing, or what the others do without.
     fn take_out(&mut self) -> bool {
         let drive = restart::lacks_a_drive(&self.steps);
+        let by_error = |why: Leaves| {
+            move |search: &Self, after: &S::Model| {
+                let before = search.model.held_out(&search.model);
+                does_without(&after.held_out(&search.model), &before, why)
+            }
+        };
         for member in backward::nothing(&self.model, &self.steps, drive) {
-            self.do_without(member, Leaves::Nothing);
+            self.do_without(member, by_error(Leaves::Nothing));
         }
         for member in backward::unresolved(&self.model, &self.steps, self.source.period()) {
-            self.do_without(member, Leaves::Infeasible);
+            self.do_without(member, by_error(Leaves::Infeasible));
         }
         for member in backward::superseded(&self.steps) {
-            self.do_without(member, Leaves::Resembles);
+            self.do_without(member, by_error(Leaves::Resembles));
         }
         true
     }
 
-    fn do_without(&mut self, member: Member, why: Leaves) {
+    /// Takes out what explains little where much is left: with what the catalogue lacks it goes by the name of that, and is none.
+    fn take_out_stand_ins(&mut self) {
+        for member in backward::beyond_drives(&self.steps) {
+            if self.source.leaves_much(&self.model, member.0) {
+                self.do_without(member, |search, after| {
+                    search.source.is_stand_in(&search.model, after)
+                });
+            }
+        }
+    }
+
+    fn do_without(&mut self, member: Member, may: impl Fn(&Self, &S::Model) -> bool) {
         // What is nothing may be superseded too.
         if !self.model.has(&member) {
             return;
@@ -350,8 +367,7 @@ impl<S: Source> Search<S> {
         let Some(after) = self.source.without(&self.model, &members) else {
             return;
         };
-        let before = self.model.held_out(&self.model);
-        if does_without(&after.held_out(&self.model), &before, why) {
+        if may(self, &after) {
             self.apply(Edit {
                 members,
                 removed: true,
@@ -447,6 +463,7 @@ impl<S: Source> Search<S> {
     }
 
     fn finish(mut self) -> Found<S> {
+        self.take_out_stand_ins();
         self.model = self.source.settled(self.model, STEADY);
         if let Some(last) = self.steps.last_mut() {
             last.errors.clone_from(self.model.errors());

@@ -87,6 +87,16 @@ pub(crate) trait Source: Sized {
         None
     }
 
+    /// Whether a limb's model leaves much more of a joint than its noise. Where that is not known, it does not.
+    fn leaves_much(&self, _model: &Self::Model, _limb: usize) -> bool {
+        false
+    }
+
+    /// Whether what a model has and the one `without` it has not takes a part of something else at the joint where it takes most.
+    fn is_stand_in(&self, _model: &Self::Model, _without: &Self::Model) -> bool {
+        false
+    }
+
     /// The model as it is kept: with all that trials held at its value fitted anew, unless it would move by less than so many standard deviations.
     fn settled(&self, model: Self::Model, _steady: f64) -> Self::Model {
         model

@@ -115,8 +115,11 @@ pub(in crate::detect) fn of_joint(
     windows: &[usize],
 ) -> Vec<Vec<f64>> {
     let own = Course::of(data, predicted, joint);
-    let columns: Vec<_> = own_motion(&own, &OTHER_BENDS)
-        .into_iter()
+    // Friction that depends on position jumps where the motion turns: left in, it is taken for noise.
+    let friction =
+        (bent(&own.q, &OTHER_BENDS).into_iter().skip(1)).map(|q| product(&own.direction, &q));
+    let columns: Vec<_> = (own_motion(&own, &OTHER_BENDS).into_iter())
+        .chain(friction)
         .chain(memory(&own, &runs(data)))
         .collect();
     rows(&columns, windows)

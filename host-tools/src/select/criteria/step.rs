@@ -19,6 +19,12 @@ const MARGIN: f64 = 2.0;
 /// its standard deviations. A trial costs as much as a look at all candidates of a limb.
 const PROMISES_MORE: f64 = 1.25;
 
+/// Squares of a joint above so many times its noise are of something that the model lacks: three quarters of them.
+const FAR_FROM_NOISE: f64 = 4.0;
+/// An effect that is there explains this share of what a joint's squares have above the noise; one that explains less where much is left
+/// takes a part of something else. Of Pinocchio's and MuJoCo's logs with a cause outside the catalogue most such effects take 0.1 to 0.5.
+const LEAST_PART: f64 = 0.5;
+
 /// How a model predicts what it has not seen: sums of squares over all limbs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct HeldOut {
@@ -90,6 +96,22 @@ pub(crate) fn does_without(without: &HeldOut, before: &HeldOut, why: Leaves) -> 
         Leaves::Infeasible => return true,
     };
     no_log_rises(without, before, most) && without.weighted <= most * before.weighted
+}
+
+/// Whether a joint's squares are far above its noise.
+pub(crate) fn is_far_from_noise(left: f64, noise: f64) -> bool {
+    left > FAR_FROM_NOISE * noise
+}
+
+/// Whether an effect takes a part of something else at a joint whose squares are these `without` it, `with` it, and of its noise: much is left, more
+/// than the effect has taken.
+pub(crate) fn is_stand_in(without: f64, with: f64, noise: f64) -> bool {
+    is_far_from_noise(with, noise) && !explains_most(without, with, noise)
+}
+
+/// Whether what has brought squares from `without` to `with` explains most of what they had above their `noise`.
+pub(crate) fn explains_most(without: f64, with: f64, noise: f64) -> bool {
+    without - with >= LEAST_PART * (without - noise)
 }
 
 /// Whether a model may have what every drive has, though this log may not tell it: it predicts no worse with it. Of one log, whose folds are
