@@ -193,17 +193,19 @@ mod tests {
             }
         };
         type Time<'a> = &'a dyn Fn(i64) -> i64;
-        type Case<'a> = (i64, Option<Time<'a>>, Time<'a>);
-        let cases: [Case; 7] = [
-            (2, Some(&even), &even),
-            (2, Some(&begins_late), &even),
-            (2, Some(&stops), &even),
-            (2, None, &even),
-            (0, Some(&even), &even),
-            (2000, Some(&even), &even),
-            (0, None, &received),
+        type Case<'a> = (i64, i64, Option<Time<'a>>, Time<'a>);
+        let cases: [Case; 8] = [
+            (1500, 2, Some(&even), &even),
+            (1500, 2, Some(&begins_late), &even),
+            // All that there is, a second look at it included.
+            (150, 2, Some(&begins_late), &even),
+            (1500, 2, Some(&stops), &even),
+            (1500, 2, None, &even),
+            (1500, 0, Some(&even), &even),
+            (1500, 2000, Some(&even), &even),
+            (1500, 0, None, &received),
         ];
-        for (tick, sent, expected) in cases {
+        for (count, tick, sent, expected) in cases {
             let message = |n: i64| {
                 let mut data = vec![0u8; 1180];
                 data[1] = 1;
@@ -216,7 +218,7 @@ mod tests {
                     data,
                 }
             };
-            let given: Vec<LiveMessage> = (0..1500).map(message).collect();
+            let given: Vec<LiveMessage> = (0..count).map(message).collect();
             let input = crate::log::LiveInput::Messages {
                 topic: "rt/lowstate".to_owned(),
                 kind: MESSAGE_KINDS[0],
@@ -228,8 +230,8 @@ mod tests {
             while let Some(row) = rows.next_row().unwrap() {
                 times.push((row.t() * 1e9).round() as i64);
             }
-            let expected: Vec<i64> = (0..1500).map(expected).collect();
-            assert!(times == expected, "{tick}: {:?}", &times[..5]);
+            let expected: Vec<i64> = (0..count).map(expected).collect();
+            assert!(times == expected, "{count} of {tick}: {:?}", &times[..5]);
         }
     }
 

@@ -371,6 +371,7 @@ impl Bag {
     /// The first clock of [`Clock`] that runs, and as fast as the one after it; the recorder's if none does.
     fn set_clock(&mut self) -> Result<(), Fault> {
         let passed_on = |message: &Message| message.sent.unwrap_or(message.time);
+        let mut ends = false;
         loop {
             let mut stamps = Vec::new();
             let mut departures = Vec::new();
@@ -394,9 +395,10 @@ impl Bag {
             let seen = first.zip(last);
             let seen_ns = seen.map_or(0, |(a, b)| passed_on(b).saturating_sub(passed_on(a)));
             let is_enough = seen_ns >= LOOK_AHEAD_NS || self.ahead.len() >= MOST_AHEAD;
-            if self.clock == Clock::Sender || is_enough || !self.look_further()? {
+            if self.clock == Clock::Sender || is_enough || ends {
                 return Ok(());
             }
+            ends = !self.look_further()?;
         }
     }
 
