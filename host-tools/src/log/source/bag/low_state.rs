@@ -50,15 +50,15 @@ impl LowLevel {
             "unitree_hg/msg/LowState" => Self::hg(),
             "unitree_go/msg/LowCmd" => Self {
                 kind: "unitree_go/msg/LowCmd",
-                length: HEADER + 812,
+                length: HEADER + 808,
                 tick: None,
-                cells: commands(20, 28, 36),
+                cells: commands(20, 24, 36),
             },
             "unitree_hg/msg/LowCmd" => Self {
                 kind: "unitree_hg/msg/LowCmd",
-                length: HEADER + 1004,
+                length: HEADER + 1000,
                 tick: None,
-                cells: commands(35, 8, 28),
+                cells: commands(35, 4, 28),
             },
             _ => return None,
         })
