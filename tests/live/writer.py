@@ -194,6 +194,7 @@ def main():
     writer = DataWriter(participant, Topic(participant, topic, kind), qos=quality)
     # Made before the clock runs: Python is slow.
     sent = [row for row in rows(asked.log) if asked.seconds is None or row.tick < 1000 * asked.seconds]
+    print("waits", file=sys.stderr, flush=True)
     until = time.time() + 30
     while len(writer.get_matched_subscriptions()) < asked.readers and time.time() < until:
         time.sleep(0.05)
