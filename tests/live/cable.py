@@ -47,6 +47,8 @@ class Cable:
         self.thread.start()
 
     def _relay(self):
+        # Nor does a cable wait for a processor: this thread alone, for what is tested does.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), -20)
         here, there = self.ends
         while not self.ended:
             for end in select.select(self.ends, [], [], 0.1)[0]:

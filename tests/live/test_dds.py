@@ -71,11 +71,13 @@ class Live(unittest.TestCase):
             pipe.close()
 
     def robot(self, *options, log=CHIRP):
-        """Starts a writer, and waits for nothing."""
+        """Starts a writer, and waits until it is there: Python may take longer to begin than a robot is waited for."""
         command = [*cable.inside, sys.executable, str(HERE / "writer.py"), str(log), *map(str, options)]
         environment = {**os.environ, "CYCLONEDDS_URI": URI}
         robot = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.addCleanup(self.leave, robot)
+        while "waits" not in (line := robot.stderr.readline()):
+            self.assertTrue(line)
         return robot
 
     def proprio(self, *words):
@@ -143,11 +145,11 @@ class Live(unittest.TestCase):
             for name, value in identified[0].items():
                 self.assertAlmostEqual(value, other[name], delta=1e-9 * max(1, abs(value)), msg=name)
 
-        # The device in this process has what the same device finds in the recorded file.
-        replayed = subprocess.run(
-            [PROPRIO, "replay", "log.csv", "--to", "desktop", "--json"], cwd=self.folder, capture_output=True, text=True, check=True
-        )
-        self.same_device(watched, json.loads(replayed.stdout))
+        # The device has what the same one has of the recorded file's rows, to the last digit, however busy this machine is; a replay, which reads
+        # ahead, puts late stamps right.
+        with open(self.folder / "log.csv") as log:
+            self.same_device(watched, self.device("monitor", "-", stdin=log), 0)
+        self.same_device(watched, self.device("replay", "log.csv", "--to", "desktop"), 0.02)
         processor = (after.ru_utime + after.ru_stime) - (before.ru_utime + before.ru_stime)
         share = processor / (expected[-1].tick / 1000)
         print(f"monitor: {100 * share:.1f} % of a core at 500 Hz", file=sys.stderr)
@@ -170,14 +172,17 @@ class Live(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return {p["name"]: p["value"] for p in json.loads(done.stdout)["parameters"]}
 
-    def same_device(self, watched, replayed):
-        known = {p["name"]: p for p in replayed["parameters"]}
-        seen = {p["name"]: p for p in watched["parameters"]}
-        self.assertEqual(known.keys(), seen.keys())
+    def device(self, *words, stdin=None):
+        done = subprocess.run([PROPRIO, *words, "--json"], cwd=self.folder, stdin=stdin, capture_output=True, text=True, check=True)
+        return json.loads(done.stdout)
+
+    def same_device(self, watched, other, share):
+        """What the device has received, and what it makes of it, to this share of its standard deviations."""
+        self.assertEqual(watched["counters"]["legs"], other["counters"]["legs"])
+        seen, known = ({p["name"]: p for p in of["parameters"]} for of in (watched, other))
+        self.assertEqual(seen.keys(), known.keys())
         for name, parameter in seen.items():
-            # What the device said last lacks up to a second of the chirp, and an estimate of fewer rows differs from one of all by no more than its own
-            # error: `tests/tests/live.rs` compares all of it, to the last digit.
-            self.assertAlmostEqual(parameter["value"], known[name]["value"], delta=3 * parameter["std"] + 1e-9, msg=name)
+            self.assertLessEqual(abs(parameter["value"] - known[name]["value"]), share * parameter["std"], msg=name)
 
     def read_by_others(self, expected, kind="unitree_go/msg/LowState", motors=12):
         from mcap.reader import make_reader
@@ -216,7 +221,8 @@ class Live(unittest.TestCase):
 
     def test_what_is_lost_is_sent_again_where_it_is_asked_for(self):
         cable.loss = 0.02
-        robot = self.robot("--seconds", 6, "--depth", 100)
+        # It keeps all: how late a busy machine asks for what it lacks is not what is tested.
+        robot = self.robot("--seconds", 6, "--depth", 3000)
         recording = self.proprio("record", SOURCE, "--qos", "reliable", "-o", "log.csv", "--json")
         sent = self.sent(robot)["sent"]
         out, _ = self.ended(recording)

@@ -37,6 +37,10 @@ GO = {
     "IMUState imu_state\nMotorState[20] motor_state\nBmsState bms_state\nint16[4] foot_force\nint16[4] foot_force_est\nuint32 tick\n"
     "uint8[40] wireless_remote\nuint8 bit_flag\nfloat32 adc_reel\nint8 temperature_ntc1\nint8 temperature_ntc2\nfloat32 power_v\n"
     "float32 power_a\nuint16[4] fan_frequency\nuint32 reserve\nuint32 crc",
+    "unitree_go/msg/MotorCmd": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32[3] reserve",
+    "unitree_go/msg/BmsCmd": "uint8 off\nuint8[3] reserve",
+    "unitree_go/msg/LowCmd": "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\n"
+    "MotorCmd[20] motor_cmd\nBmsCmd bms_cmd\nuint8[40] wireless_remote\nuint8[12] led\nuint8[2] fan\nuint8 gpio\nuint32 reserve\nuint32 crc",
 }
 HG = {
     "unitree_hg/msg/IMUState": "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\nint16 temperature",
@@ -44,6 +48,8 @@ HG = {
     "uint32[2] sensor\nuint32 motorstate\nuint32[4] reserve",
     "unitree_hg/msg/LowState": "uint32[2] version\nuint8 mode_pr\nuint8 mode_machine\nuint32 tick\nIMUState imu_state\n"
     "MotorState[35] motor_state\nuint8[40] wireless_remote\nuint32[4] reserve\nuint32 crc",
+    "unitree_hg/msg/MotorCmd": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32 reserve",
+    "unitree_hg/msg/LowCmd": "uint8 mode_pr\nuint8 mode_machine\nMotorCmd[35] motor_cmd\nuint32[4] reserve\nuint32 crc",
 }
 LEGS = ["FR", "FL", "RR", "RL"]
 JOINTS = [f"{leg}_{part}" for leg in LEGS for part in ["hip", "thigh", "calf"]]
@@ -161,6 +167,27 @@ def low_states(store, motion, kind, motors, order):
         yield EPOCH + round(motion.t[k] * 1e9) + late, zeros(store, kind, **fields)
 
 
+def low_commands(store, motion, kind, motors, order):
+    """LowCmd messages of another rate than the states', the first before them: (log time, message), and what each asks of each joint."""
+    package = kind.split("/")[0]
+    for k in range(round((motion.t[-1] - motion.t[0]) / 0.0025) + 2):
+        at = min(round(0.0025 * k / 0.002), len(motion.rows) - 1)
+        asked = {}
+        for n, joint in enumerate(order):
+            q, dq, tau, _ = motion.rows[at][joint]
+            asked[joint] = tuple(single(x) for x in (q + 0.01 * n, 0.5 * dq, 0.25 * tau, 20 + n + k % 3, 0.5 + 0.01 * n))
+        command = []
+        for n in range(motors):
+            values = dict(zip(("q", "dq", "tau", "kp", "kd"), asked[order[n]])) if n < len(order) else {"q": 2.146e9, "dq": 16000.0}
+            command.append(zeros(store, f"{package}/msg/MotorCmd", mode=1, **values))
+        yield EPOCH + round((motion.t[0] + 0.0025 * k) * 1e9) - 1_000_000, zeros(store, kind, motor_cmd=command), asked
+
+
+def in_force(states, commands):
+    """Of each state what the last command that was received before it asks, q, dq, tau, kp, kd by joint."""
+    return [[asked for time, _, asked in commands if time <= at][-1] for at, _ in states]
+
+
 def joint_states(store, motion, joints, second=True):
     types = store.types
     for k, row in enumerate(motion.rows):
@@ -244,6 +271,16 @@ def main():
     write_bag(out / "go_db3", store, topics, StoragePlugin.SQLITE3)
     recompress(out / "go_mcap" / "go_mcap.mcap", out / "go_lz4.mcap", mcap.writer.CompressionType.LZ4)
 
+    # The same beside what the drives were asked to do, of a Go2 and of a humanoid.
+    command = "unitree_go/msg/LowCmd"
+    commands = list(low_commands(store, motion, command, 20, JOINTS))
+    asked = in_force(states, commands)
+    rows = [{j: row[j] + asked[k][j] for j in JOINTS} for k, row in enumerate(singles)]
+    channels = ["q", "dq", "tau", "temp", "q_des", "dq_des", "tau_des", "kp", "kd"]
+    write_csv(out / "commanded.csv", times, rows, channels, extra + feet)
+    topics = [("/lowcmd", command, [(time, message) for time, message, _ in commands]), ("/lowstate", kind, states)]
+    write_bag(out / "commanded_db3", store, topics, StoragePlugin.SQLITE3)
+
     # JointState: names, stamps in nanoseconds, double precision.
     stamps = [round(t * 1e9) for t in motion.t]
     times = [(stamp - stamps[0]) / 1e9 for stamp in stamps]
@@ -292,10 +329,15 @@ def main():
         wide.rows = [{f"m{n}": row[JOINTS[n % 12]] for n in range(29)} for row in motion.rows]
         return wide
 
-    write_csv(out / "hg.csv", ticks_to_seconds(motion), [{n: row[JOINTS[n % 12]] for n in range(29)} for row in singles], ["q", "dq", "tau", "temp"])
-    kind = "unitree_hg/msg/LowState"
-    states = list(low_states(store, humanoid(), kind, 35, [f"m{n}" for n in range(29)]))
-    write_bag(out / "hg_mcap", store, [("/lowstate", kind, states)], StoragePlugin.MCAP, CompressionFormat.ZSTD)
+    kind, command = "unitree_hg/msg/LowState", "unitree_hg/msg/LowCmd"
+    order = [f"m{n}" for n in range(29)]
+    states = list(low_states(store, humanoid(), kind, 35, order))
+    commands = list(low_commands(store, humanoid(), command, 35, order))
+    asked = in_force(states, commands)
+    rows = [{n: row[JOINTS[n % 12]] + asked[k][f"m{n}"] for n in range(29)} for k, row in enumerate(singles)]
+    write_csv(out / "hg.csv", ticks_to_seconds(motion), rows, channels)
+    topics = [("/lowstate", kind, states), ("/lowcmd", command, [(time, message) for time, message, _ in commands])]
+    write_bag(out / "hg_mcap", store, topics, StoragePlugin.MCAP, CompressionFormat.ZSTD)
 
 
 main()

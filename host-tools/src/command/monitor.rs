@@ -134,6 +134,7 @@ impl Monitor {
         let settings = self.settings(source.hello())?;
         let journal = self.record.as_deref().map(journal).transpose()?;
         let mut session = Session {
+            is_live: matches!(source, Source::Live(..)),
             feed: Feed::start(source, self.speed, settings),
             journal: journal.zip(self.record.clone()),
             view: Default::default(),

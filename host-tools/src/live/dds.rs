@@ -95,6 +95,7 @@ pub fn subscribe(
             messages,
             first: None,
             until: until.clone(),
+            end: None,
         },
     })
 }
@@ -104,6 +105,8 @@ pub struct Queue {
     messages: Receiver<LiveMessage>,
     first: Option<Instant>,
     until: Until,
+    /// When it was over, ns since 1970.
+    end: Option<i64>,
 }
 
 impl LiveMessages for Queue {
@@ -118,7 +121,10 @@ impl LiveMessages for Queue {
                 Err(RecvTimeoutError::Disconnected) => return None,
             }
         }
-        None
+        // What came before the end and waits here is counted: a machine that was busy keeps it.
+        let end = *self.end.get_or_insert_with(now_ns);
+        let waits = self.messages.try_recv().ok();
+        waits.filter(|message| message.received_ns <= end)
     }
 }
 
@@ -290,8 +296,7 @@ impl Receiving {
 
     /// Passes a message on; false once nobody takes them any more.
     fn take(&mut self, writer: GUID, sequence: i64, sent_ns: Option<i64>, data: Vec<u8>) -> bool {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let received_ns = now.map_or(0, |now| i64::try_from(now.as_nanos()).unwrap_or(i64::MAX));
+        let received_ns = now_ns();
         let arrival = Arrival {
             writer,
             sequence,
@@ -333,6 +338,12 @@ impl Receiving {
         self.types.insert(writer, right);
         right
     }
+}
+
+/// This machine's time, ns since 1970.
+fn now_ns() -> i64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |now| i64::try_from(now.as_nanos()).unwrap_or(i64::MAX))
 }
 
 /// A time of RTPS, seconds and their 2³²nd parts, in ns.

@@ -241,9 +241,21 @@ impl Listener {
         legs: &[Leg],
         step: &BusStep,
     ) -> Result<(), FeedError> {
-        for message in self.take_asks(Some(device), legs) {
-            device.command(&message)?;
+        self.pass_on(device, legs)?;
+        self.play_step(device, step)
+    }
+
+    /// Passes on what is asked; whether anything was.
+    fn pass_on(&mut self, device: &mut dyn Device, legs: &[Leg]) -> Result<bool, FeedError> {
+        let messages = self.take_asks(Some(device), legs);
+        for message in &messages {
+            device.command(message)?;
         }
+        Ok(!messages.is_empty())
+    }
+
+    /// Does a step, tells what comes.
+    fn play_step(&mut self, device: &mut dyn Device, step: &BusStep) -> Result<(), FeedError> {
         let mut heard = Vec::new();
         device.play(step, &mut |message| heard.push(message))?;
         for message in heard {
@@ -351,7 +363,12 @@ impl Listener {
                     legs.for_each(|(played, bytes)| *played |= !bytes.is_empty());
                     self.step(&mut *device, &Leg::ALL, &step)?;
                 }
-                Step::Silence => self.step(&mut *device, &Leg::ALL, &silent)?,
+                // Its time stands still: a step would only have it work ahead, and what it estimates next depend on this machine's pauses.
+                Step::Silence => {
+                    if self.pass_on(&mut *device, &Leg::ALL)? {
+                        self.play_step(&mut *device, &silent)?;
+                    }
+                }
                 Step::End(warnings) => {
                     warnings.into_iter().for_each(|warning| self.news(warning));
                     return self.settle(&mut *device, silent.time_us, &played);

@@ -75,7 +75,8 @@ impl Commands {
             let mut absent = [0.0; 5];
             match known {
                 [true, true] => {
-                    let stiff = stated[0].is_none_or(|kp| kp != 0.0);
+                    let logged = || own().any(|command| command[3] > 0.0);
+                    let stiff = stated[0].map_or_else(logged, |kp| kp != 0.0);
                     if stiff && !has(Channel::QDes) {
                         return Err(Missing::Column(Channel::QDes, j));
                     }

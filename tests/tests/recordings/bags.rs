@@ -27,6 +27,19 @@ fn a_bag_gives_the_estimates_of_its_csv() {
     }
 }
 
+/// In a rollout drives follow the commands that a bag has beside its states as they do those of its CSV.
+#[test]
+fn drives_follow_the_commands_of_a_bag() {
+    let of = |log: &str| {
+        let path = recordings().join(log);
+        let words = ["compare", path.to_str().unwrap(), "--rollout=commanded"];
+        let found = json(&done(Path::new("."), &[&words[..], &["--json"]].concat()));
+        assert_eq!(found["torque"], "commanded");
+        found["horizons"].clone()
+    };
+    assert_eq!(of("commanded_db3"), of("commanded.csv.gz"));
+}
+
 /// The same with a real chirp, where one is at hand and Python has the writers.
 #[test]
 fn a_bag_of_a_real_chirp_gives_the_estimates_of_its_csv() {

@@ -76,12 +76,13 @@ fn assert_same(found: &Table, expected: &Table, what: &str) {
     }
 }
 
-const OF_A_GO2: [(&str, &str); 12] = [
+const OF_A_GO2: [(&str, &str); 13] = [
     ("go_mcap/go_mcap.mcap", "low_state"),
     ("go_mcap", "low_state"),
     ("go_mcap_zstd/go_mcap_zstd.mcap", "low_state"),
     ("go_lz4.mcap", "low_state"),
     ("go_db3/go_db3.db3", "low_state"),
+    ("commanded_db3", "commanded"),
     ("joint_mcap", "joint_state"),
     ("joint_db3", "joint_state"),
     ("log.npz", "joint_state"),

@@ -29,7 +29,8 @@ pub(super) fn watch(session: &mut Session, silent: bool) -> Result<(), Error> {
         events: 0,
         line_at: 0,
     };
-    while !session.ended && !asked_to_finish() {
+    // A live source ends at Ctrl-C, and the device then estimates all that came of it.
+    while !session.ended && (session.is_live || !asked_to_finish()) {
         let mut text = String::new();
         session.look(&mut |view| {
             if !silent {

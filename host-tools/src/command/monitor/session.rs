@@ -26,6 +26,8 @@ pub(super) struct Session {
     pub(super) limit_us: Option<u64>,
     /// Nothing more comes.
     pub(super) ended: bool,
+    /// The source ends by itself when its user has seen enough.
+    pub(super) is_live: bool,
 }
 
 impl Session {

@@ -1,9 +1,8 @@
-//! Unitree's `LowState`: arrays of fixed length only, so that every number has its place.
+//! Unitree's `LowState` and `LowCmd`: arrays of fixed length only, so that every number has its place.
 //!
-//! The places follow from the message definitions of unitree_ros2 (`unitree_go/msg/LowState`, `unitree_hg/msg/LowState`) by the
-//! alignment of CDR, counted from after the encapsulation header. Both say when they were made as `tick`, in milliseconds of
-//! the robot's controller. Motors are named by their number, as the message numbers them; which joint that is, is the robot's
-//! affair.
+//! The places follow from the message definitions of unitree_ros2 (packages `unitree_go` and `unitree_hg`) by the alignment of CDR, counted from
+//! after the encapsulation header. A state says when it was made as `tick`, in milliseconds of the robot's controller; a command does not. Motors are
+//! named by their number, as the message numbers them; which joint that is, is the robot's affair.
 
 use super::Decoder;
 use crate::log::error::Problem;
@@ -14,20 +13,25 @@ const HEADER: usize = 4;
 #[derive(Debug, Clone, Copy)]
 enum Number {
     F32,
+    /// Single precision, of which such a number or a greater one stands for none.
+    Below(f64),
     I16,
     I8,
 }
 
+/// What Unitree's controllers write as position and as velocity where there is none to follow: `PosStopF` and `VelStopF` of its SDK.
+const STOPS: [f64; 2] = [2.146e9, 16_000.0];
+
 /// Where a kind of message keeps what.
-pub(super) struct LowState {
+pub(super) struct LowLevel {
     kind: &'static str,
     /// Length of a message with its header, bytes.
     length: usize,
-    tick: usize,
+    tick: Option<usize>,
     cells: Vec<(String, usize, Number)>,
 }
 
-/// The part of a message that is an array of motors.
+/// The part of a state that is an array of motors.
 struct Motors {
     count: usize,
     /// Place of the first motor's position.
@@ -38,9 +42,30 @@ struct Motors {
     temperature: (usize, Number),
 }
 
-impl LowState {
+impl LowLevel {
+    /// Decodes messages of `kind`, if it is one of Unitree's that are read.
+    pub(super) fn new(kind: &str) -> Option<Self> {
+        Some(match kind {
+            "unitree_go/msg/LowState" => Self::go(),
+            "unitree_hg/msg/LowState" => Self::hg(),
+            "unitree_go/msg/LowCmd" => Self {
+                kind: "unitree_go/msg/LowCmd",
+                length: HEADER + 808,
+                tick: None,
+                cells: commands(20, 24, 36),
+            },
+            "unitree_hg/msg/LowCmd" => Self {
+                kind: "unitree_hg/msg/LowCmd",
+                length: HEADER + 1000,
+                tick: None,
+                cells: commands(35, 4, 28),
+            },
+            _ => return None,
+        })
+    }
+
     /// Of the quadrupeds and the H1: twenty motors, four feet.
-    pub(super) fn go() -> Self {
+    fn go() -> Self {
         let mut cells = motors(&Motors {
             count: 20,
             q: 80,
@@ -53,13 +78,13 @@ impl LowState {
         Self {
             kind: "unitree_go/msg/LowState",
             length: HEADER + 1176,
-            tick: 1096,
+            tick: Some(1096),
             cells,
         }
     }
 
     /// Of the humanoids: 35 motors.
-    pub(super) fn hg() -> Self {
+    fn hg() -> Self {
         let mut cells = motors(&Motors {
             count: 35,
             q: 72,
@@ -71,7 +96,7 @@ impl LowState {
         Self {
             kind: "unitree_hg/msg/LowState",
             length: HEADER + 2088,
-            tick: 12,
+            tick: Some(12),
             cells,
         }
     }
@@ -92,6 +117,25 @@ fn motors(motors: &Motors) -> Vec<(String, usize, Number)> {
     (0..motors.count).flat_map(of).collect()
 }
 
+/// What `count` motors are asked to do: the first one's position is at `q`, the next motor's `stride` bytes on.
+fn commands(count: usize, q: usize, stride: usize) -> Vec<(String, usize, Number)> {
+    let signals = [
+        ("q", Number::Below(STOPS[0])),
+        ("dq", Number::Below(STOPS[1])),
+        ("tau", Number::F32),
+        ("kp", Number::F32),
+        ("kd", Number::F32),
+    ];
+    let of = |n| {
+        let cells = signals.into_iter().enumerate();
+        cells.map(move |(k, (signal, number))| {
+            let place = q + n * stride + 4 * k;
+            (format!("motor_cmd[{n}]/{signal}"), place, number)
+        })
+    };
+    (0..count).flat_map(of).collect()
+}
+
 /// Attitude, angular velocity and specific force, one after the other.
 fn imu(first: usize) -> Vec<(String, usize, Number)> {
     let parts = [("quaternion", 4), ("gyroscope", 3), ("accelerometer", 3)];
@@ -104,7 +148,7 @@ fn imu(first: usize) -> Vec<(String, usize, Number)> {
         .collect()
 }
 
-impl Decoder for LowState {
+impl Decoder for LowLevel {
     fn names(&self) -> Vec<String> {
         self.cells.iter().map(|(name, ..)| name.clone()).collect()
     }
@@ -121,13 +165,18 @@ impl Decoder for LowState {
     }
 
     fn stamp(&self, data: &[u8]) -> i64 {
-        i64::from(u32::from_le_bytes(bytes(data, self.tick))) * 1_000_000
+        let tick = self.tick.map_or([0; 4], |tick| bytes(data, tick));
+        i64::from(u32::from_le_bytes(tick)) * 1_000_000
     }
 
     fn cell(&self, data: &[u8], cell: usize) -> f64 {
         let (_, place, number) = &self.cells[cell];
         match number {
             Number::F32 => f32::from_le_bytes(bytes(data, *place)).into(),
+            Number::Below(none) => match f64::from(f32::from_le_bytes(bytes(data, *place))) {
+                x if x >= *none => f64::NAN,
+                x => x,
+            },
             Number::I16 => i16::from_le_bytes(bytes(data, *place)).into(),
             Number::I8 => i8::from_le_bytes(bytes(data, *place)).into(),
         }
@@ -148,14 +197,16 @@ mod tests {
     /// The last number of every kind lies within the message, and the places do not overlap.
     #[test]
     fn every_number_has_a_place_of_its_own() {
-        for state in [LowState::go(), LowState::hg()] {
+        use super::super::{COMMANDS, KINDS};
+        for kind in KINDS[..2].iter().chain(&COMMANDS) {
+            let state = LowLevel::new(kind).unwrap();
             let width = |number| match number {
-                Number::F32 => 4,
+                Number::F32 | Number::Below(_) => 4,
                 Number::I16 => 2,
                 Number::I8 => 1,
             };
             let mut taken = vec![false; state.length - HEADER];
-            let tick = [(String::new(), state.tick, Number::F32)];
+            let tick = state.tick.map(|tick| (String::new(), tick, Number::F32));
             for (name, place, number) in state.cells.iter().chain(&tick) {
                 assert_eq!(place % width(*number), 0, "{name}");
                 for byte in &mut taken[*place..place + width(*number)] {

@@ -113,13 +113,13 @@ impl Recording {
         Ok(topics)
     }
 
-    /// The messages of one topic, from the start.
-    pub(super) fn messages(mut self, topic: u64) -> impl Messages + use<> {
+    /// The messages of these topics, from the start.
+    pub(super) fn messages(mut self, topics: [u64; 2]) -> impl Messages + use<> {
         let start = self.file.seek(SeekFrom::Start(0));
         TopicMessages {
             reader: Reader::new(self.file),
             failed: start.err(),
-            topic,
+            topics,
             size: self.size,
         }
     }
@@ -128,7 +128,7 @@ impl Recording {
 struct TopicMessages {
     reader: Reader<File>,
     failed: Option<std::io::Error>,
-    topic: u64,
+    topics: [u64; 2],
     size: u64,
 }
 
@@ -139,9 +139,13 @@ impl Messages for TopicMessages {
         }
         while let Some(record) = self.reader.next()? {
             if let Record::Message { header, data } = record
-                && u64::from(header.channel_id) == self.topic
+                && self.topics.contains(&header.channel_id.into())
             {
+                message.topic = header.channel_id.into();
                 message.time = i64::try_from(header.log_time).unwrap_or(i64::MAX);
+                // Recorders that do not know it write zero, or the time of the recording.
+                let sent = i64::try_from(header.publish_time).ok();
+                message.sent = sent.filter(|sent| *sent > 0);
                 message.data.clear();
                 message.data.extend_from_slice(&data);
                 return Ok(true);

@@ -86,8 +86,8 @@ impl Recording {
         count.unwrap_or(0).cast_unsigned()
     }
 
-    /// The messages of one topic, from the start.
-    pub(super) fn messages(self, topic: &Topic) -> impl Messages + use<> {
+    /// The messages of these topics, from the start.
+    pub(super) fn messages(self, topics: [u64; 2]) -> impl Messages + use<> {
         // Only for progress: a file that was cut short does not tell.
         let last = "SELECT COALESCE(MAX(id), 0) FROM messages";
         let last = self
@@ -95,7 +95,7 @@ impl Recording {
             .query_row(last, [], |row| row.get::<_, i64>(0));
         TopicMessages {
             database: self.database,
-            topic: topic.id.cast_signed(),
+            topics: topics.map(u64::cast_signed),
             batch: VecDeque::new(),
             at: i64::MIN,
             last: last.unwrap_or(0),
@@ -125,7 +125,7 @@ fn whole_pages(input: Input) -> io::Result<Option<NamedTempFile>> {
 
 struct TopicMessages {
     database: Connection,
-    topic: i64,
+    topics: [i64; 2],
     batch: VecDeque<Message>,
     /// Number of the message last fetched, and of the database's last.
     at: i64,
@@ -141,14 +141,16 @@ struct TopicMessages {
 impl TopicMessages {
     fn fetch(&mut self) -> Result<(), rusqlite::Error> {
         let mut statement = self.database.prepare(
-            "SELECT id, timestamp, data FROM messages WHERE topic_id = ?1 AND id > ?2 ORDER BY id LIMIT ?3",
+            "SELECT id, timestamp, data, topic_id FROM messages WHERE topic_id IN (?1, ?2) AND id > ?3 ORDER BY id LIMIT ?4",
         )?;
-        let mut rows = statement.query(params![self.topic, self.at, BATCH as i64])?;
+        let [states, commands] = self.topics;
+        let mut rows = statement.query(params![states, commands, self.at, BATCH as i64])?;
         while let Some(row) = rows.next()? {
             let message = Message {
                 time: row.get(1)?,
                 data: row.get(2)?,
-                sent: None,
+                topic: row.get::<_, i64>(3)?.cast_unsigned(),
+                ..Message::default()
             };
             self.at = row.get(0)?;
             self.batch.push_back(message);
