@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use proprio_tests::command::{done, folder, json, refusal};
+use proprio_tests::rows::Rows;
+use serde_json::Value;
 
 const PLAIN: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
 
@@ -142,5 +144,52 @@ fn what_is_no_condition_is_refused() {
         assert!(words.contains(said), "{only}: {words}");
         assert!(words.contains("--only"), "{words}");
         assert!(!folder.join("out.toml").exists());
+    }
+}
+
+/// A load that a calf takes up within the log: one cause of what is left at every joint that carries it, told with its time and mass; the commands that the
+/// screen prints set the parts apart, of which the first lacks nothing.
+#[test]
+fn a_load_that_comes_is_told_with_its_time_and_mass() {
+    for (seed, from, mass) in [(1, 6.3, 0.25), (2, 13.1, 0.4)] {
+        let folder = folder();
+        let folder = folder.path();
+        let leg = format!("--legs FR --typical --inertia-error 0.04 --seed {seed}");
+        let hidden = format!("payload:FR_calf={mass}");
+        for (name, hide) in [("log.csv", None), ("loaded.csv", Some(&*hidden))] {
+            let simulate = ["simulate", "-o", name].into_iter().chain(leg.split(' '));
+            let hide = hide.iter().flat_map(|hide| ["--hide", hide]);
+            done(folder, &simulate.chain(hide).collect::<Vec<_>>());
+        }
+        let loaded = Rows::read(&folder.join("loaded.csv"));
+        let mut log = Rows::read(&folder.join("log.csv"));
+        let q = log.place("q/FR_calf");
+        for (row, loaded) in log.rows.iter_mut().zip(&loaded.rows) {
+            assert!((row[q] - loaded[q]).abs() < 1e-3, "the motion is the same");
+            if row[0] > from {
+                row.clone_from(loaded);
+            }
+        }
+        log.write(&folder.join("log.csv"));
+        let found = json(&done(folder, &["diagnose", "log.csv", "--json"]));
+        let left: Vec<&str> = (found["outside_catalogue"].as_array().unwrap().iter())
+            .filter_map(Value::as_str)
+            .collect();
+        let [told] = left[..] else {
+            panic!("{left:?}");
+        };
+        let words: Vec<&str> = told.split_whitespace().collect();
+        let number = |n: usize| words[n].trim_start_matches('±').parse::<f64>().unwrap();
+        assert!(told.starts_with("FR_calf: its link carries"), "{told}");
+        assert!((number(4) - mass).abs() < 0.1 * mass, "{told}");
+        assert!((number(9) - from).abs() < 0.2, "{told}");
+        let (_, only) = told.split_once("--only '").unwrap();
+        let (first, _) = only.split_once('\'').unwrap();
+        let screen = done(folder, &["diagnose", "log.csv", "--only", first]);
+        let screen = screen.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(
+            screen.contains("Missing: the drive's 4 effects."),
+            "{screen}"
+        );
     }
 }
