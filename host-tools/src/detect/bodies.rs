@@ -13,7 +13,7 @@ use crate::parallel::side_by_side;
 
 /// Held-out squares up to so many times those of the noise floor leave nothing to explain: the floor of one log is known to 10 % of its root mean
 /// square, whatever model the log is held against.
-const AT_FLOOR: f64 = 1.21;
+pub(super) const AT_FLOOR: f64 = 1.21;
 
 /// Fits the effects `places` of each limb. A body that the data carry far from the CAD is released where the limb then leaves no more than its joints' noise
 /// floors of what it has not seen; else the prior and the data share it.

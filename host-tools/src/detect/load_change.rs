@@ -7,11 +7,12 @@
 use nalgebra::{SMatrix, SVector};
 use proprio_core::inertia::INERTIAL;
 
+use super::bodies::AT_FLOOR;
 use super::residual::NoiseFloor;
 use crate::equation::column::Column;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
-use crate::select::criteria::step::{explains_most, is_far_from_noise};
+use crate::select::criteria::step::explains_most;
 
 /// Times that are looked at first; then those between the best one's neighbours.
 const TIMES: usize = 200;
@@ -89,7 +90,7 @@ pub(crate) fn of(
             count += 1.0;
         }
     }
-    if !is_far_from_noise(all, count) {
+    if all <= AT_FLOOR * count {
         return None;
     }
     let columns = data.columns(values, &[], &[]);
