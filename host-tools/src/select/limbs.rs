@@ -158,9 +158,7 @@ impl<'a> Source for Limbs<'a> {
         let joints = by_joint(without).into_iter().zip(by_joint(model));
         let known = joints.zip(self.noise.iter().flatten());
         let known = known.filter_map(|((without, with), noise)| Some((without, with, (*noise)?)));
-        let takes = |(without, with, noise): &(f64, f64, f64)| (without - with) / noise;
-        let most = known.max_by(|a, b| takes(a).total_cmp(&takes(b)));
-        most.is_some_and(|(without, with, noise)| is_stand_in(without, with, noise))
+        is_stand_in(&known.collect::<Vec<_>>())
     }
 
     fn settled(&self, model: State<'a>, steady: f64) -> State<'a> {

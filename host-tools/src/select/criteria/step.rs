@@ -25,6 +25,9 @@ const FAR_FROM_NOISE: f64 = 4.0;
 /// takes a part of something else. Of Pinocchio's and MuJoCo's logs with a cause outside the catalogue most such effects take 0.1 to 0.5.
 const LEAST_PART: f64 = 0.5;
 
+/// An effect takes less than this share of all that it takes, in units of the noise, at joints that others depend on.
+const A_LITTLE: f64 = 0.1;
+
 /// How a model predicts what it has not seen: sums of squares over all limbs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct HeldOut {
@@ -103,10 +106,15 @@ pub(crate) fn is_far_from_noise(left: f64, noise: f64) -> bool {
     left > FAR_FROM_NOISE * noise
 }
 
-/// Whether an effect takes a part of something else at a joint whose squares are these `without` it, `with` it, and of its noise: much is left, more
-/// than the effect has taken.
-pub(crate) fn is_stand_in(without: f64, with: f64, noise: f64) -> bool {
-    is_far_from_noise(with, noise) && !explains_most(without, with, noise)
+/// Whether an effect takes a part of something else, by joints' squares without it, with it, and of their noise: much is left, more than the effect
+/// has taken, at every joint at which it takes more than a little.
+pub(crate) fn is_stand_in(joints: &[(f64, f64, f64)]) -> bool {
+    let takes = |(without, with, noise): &(f64, f64, f64)| ((without - with) / noise).max(0.0);
+    let all: f64 = joints.iter().map(takes).sum();
+    let mut own = joints.iter().filter(|joint| takes(joint) > A_LITTLE * all);
+    own.all(|(without, with, noise)| {
+        is_far_from_noise(*with, *noise) && !explains_most(*without, *with, *noise)
+    })
 }
 
 /// Whether what has brought squares from `without` to `with` explains most of what they had above their `noise`.

@@ -74,7 +74,10 @@ fn answer(question: &str, asked: &str) -> String {
             &errors(asked)[0],
             step::Leaves::Infeasible,
         )),
-        "stand-in" => yes(step::is_stand_in(numbers()[0], numbers()[1], numbers()[2])),
+        "stand-in" => {
+            let joints: Vec<_> = numbers().chunks(3).map(|n| (n[0], n[1], n[2])).collect();
+            yes(step::is_stand_in(&joints))
+        }
         "drive" => yes(step::bears_a_drive(&errors(asked)[1], &errors(asked)[0])),
         "one cause" => yes(step::does_as_well(numbers()[1], numbers()[0])),
         "begin" => yes(step::begins_below(numbers()[0], numbers()[1], numbers()[2])),
