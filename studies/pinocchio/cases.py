@@ -5,113 +5,24 @@
     target/pinocchio/bin/python studies/pinocchio/cases.py target/release/proprio --write
 
 Nothing here is proprio's: bodies, motions, friction and noise are this file's, and the URDFs are those of example-robot-data (the Go2's leg:
-tests/oracle/go2.urdf). Each robot has its own bodies, 4 % off the URDF's, and its own drive, as shares of each joint's torque. The model that is given
-is the URDF alone. A second part adds a load to arms that were diagnosed without it. Twenty minutes of two cores.
+tests/oracle/go2.urdf; `robots.py`). Each robot has its own bodies, 4 % off the URDF's, and its own drive, as shares of each joint's torque. The model that is given
+is the URDF alone. A second part adds a load to arms that were diagnosed without it, a third hides two effects at once. Half an hour of two cores.
 """
 
 import argparse
-import json
 import re
-import subprocess
 import tempfile
 import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
-HERE = Path(__file__).resolve().parent
-URDFS = Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
-GO2 = HERE.parent.parent / "tests/oracle/go2.urdf"
-ROBOTS = {
-    "UR5": "ur_description/urdf/ur5_robot.urdf",
-    "UR10": "ur_description/urdf/ur10_robot.urdf",
-    "Z1": "z1_description/urdf/z1.urdf",
-    "Panda": "panda_description/urdf/panda.urdf",
-    "Go2's leg": None,
-}
-# Joints that rest at zero.
-HELD = {"Panda": ["panda_finger_joint1", "panda_finger_joint2"]}
+from robots import HERE, ROBOTS, SECONDS, Drive, load, loaded, motion, named, rms, said, scattered, settings, torque, write_log, write_model
+
 # Which of them the catalogue has; what is found for the others is a formula, or the sentence that the catalogue lacks it.
 CATALOGUE = ["spring", "stribeck", "quadratic_drag", "load_friction", "cogging", "payload", "torque_gain", "velocity_gain", "delay", "coupled_viscous", "presliding"]
 OUTSIDE = ["grown_friction", "end_stop", "position_friction", "cable"]
-DRIVE = {"viscous", "coulomb", "armature", "bias"}
-SECONDS = 20.0
-
-
-def load(robot):
-    """The model of a robot, and its joints as its log names them."""
-    if robot == "Go2's leg":
-        model = pin.buildModelFromUrdf(str(GO2))
-        lock = [name for name in model.names[1:] if not name.startswith("FR_")]
-    else:
-        model = pin.buildModelFromUrdf(str(URDFS / ROBOTS[robot]))
-        lock = HELD.get(robot, [])
-    if lock:
-        model = pin.buildReducedModel(model, [model.getJointId(name) for name in lock], pin.neutral(model))
-    names = [model.names[n] for n in range(1, model.njoints)]
-    return model, [name.removesuffix("_joint") if robot == "Go2's leg" else name for name in names]
-
-
-def write_model(robot, path):
-    """The URDF alone, which is what diagnosis begins with."""
-    if not ROBOTS[robot]:
-        return
-    text = f'format = 1\n\n[robot]\nurdf = "{URDFS / ROBOTS[robot]}"\n'
-    held = "".join(f"{name} = 0.0\n" for name in HELD.get(robot, []))
-    path.write_text(text + (f"\n[held]\n{held}" if held else ""))
-
-
-def scattered(model, random, share=0.04):
-    """Bodies that are not quite the URDF's."""
-    for n in range(1, model.njoints):
-        body = model.inertias[n]
-        body.mass *= 1 + share * random.normal()
-        body.lever = body.lever + 0.3 * share * random.normal(size=3) * np.linalg.norm(body.lever)
-        body.inertia = body.inertia * (1 + share * random.normal())
-        model.inertias[n] = body
-
-
-def motion(model, is_leg, rate, random):
-    """Sums of six sines, within limits of position and velocity."""
-    t = np.arange(int(SECONDS * rate)) / rate
-    low, high = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
-    low[high <= low], high[high <= low] = -2.5, 2.5
-    fastest = np.where(model.velocityLimit > 0, np.minimum(model.velocityLimit, 20), 3)
-    tones, most = (np.array([0.1, 0.4, 1.3, 2.8, 4.9, 7.6]), 120) if is_leg else (np.array([0.1, 0.2, 0.3, 0.5, 0.8, 1.2]), 12)
-    q, dq, ddq = np.zeros((3, len(t), model.nv))
-    for j in range(model.nv):
-        w = 2 * np.pi * tones * (1 + 0.03 * j / model.nv)
-        a, phase = random.normal(size=6) / w**0.8, random.uniform(0, 2 * np.pi, 6)
-        x, v, acc = ((part @ a) for part in (np.sin(np.outer(t, w) + phase), w * np.cos(np.outer(t, w) + phase), -w * w * np.sin(np.outer(t, w) + phase)))
-        middle = (x.max() + x.min()) / 2
-        half = 0.8 * min((high[j] - low[j]) / 2, 2)
-        size = min(half / abs(x - middle).max(), 0.6 * fastest[j] / abs(v).max(), most / abs(acc).max())
-        q[:, j], dq[:, j], ddq[:, j] = np.clip((low[j] + high[j]) / 2, -3, 3) + size * (x - middle), size * v, size * acc
-    return t, q, dq, ddq
-
-
-def torque(model, q, dq, ddq):
-    data = model.createData()
-    return np.array([pin.rnea(model, data, *row) for row in zip(q, dq, ddq)])
-
-
-def rms(x):
-    return np.sqrt(np.mean(x**2, axis=0))
-
-
-class Drive:
-    """Friction, rotor inertia and offset of each joint, by shares of its torque."""
-
-    def __init__(self, tau, dq, ddq, random):
-        self.size = np.maximum(rms(tau), 0.15 * rms(tau).max())
-        share = lambda low, high: self.size * random.uniform(low, high, tau.shape[1])
-        self.coulomb, self.viscous = share(0.05, 0.12), share(0.03, 0.08) / rms(dq)
-        self.armature, self.bias = share(0.01, 0.05) / rms(ddq), share(-0.03, 0.03)
-
-    def torque(self, dq, ddq):
-        return self.coulomb * np.tanh(dq / 0.002) + self.viscous * dq + self.armature * ddq + self.bias
 
 
 def hidden(effect, model, t, q, dq, tau, drive, random):
@@ -160,31 +71,9 @@ def hidden(effect, model, t, q, dq, tau, drive, random):
     return j, own, gains, fast, lag
 
 
-def loaded(model, random, is_leg):
-    """The model with a load at its last body."""
-    heavy, last = pin.Model(model), model.nv
-    mass = random.uniform(0.5, 1.0) * max(model.inertias[last].mass, 0.03 * sum(body.mass for body in model.inertias))
-    place = random.uniform(-0.05, 0.05, 3) * (0.3 if is_leg else 1)
-    ball = pin.Inertia(mass, model.inertias[last].lever + place, np.eye(3) * mass * 0.015**2)
-    heavy.inertias[last] = heavy.inertias[last] + ball
-    return heavy, mass
-
-
-def write_log(path, names, t, q, dq, tau, random, noise, size):
-    q = q + 2e-5 * random.normal(size=q.shape)
-    dq = dq + 0.002 * rms(dq) * random.normal(size=q.shape)
-    tau = tau + noise * size * random.normal(size=q.shape)
-    head = ",".join(["t", *(f"{channel}/{name}" for channel in ("q", "dq", "tau") for name in names)])
-    np.savetxt(path, np.column_stack([t, q, dq, tau]), delimiter=",", header=head, comments="", fmt="%.7g")
-
-
-def settings(random):
-    return int(random.choice([250, 500, 1000])), float(random.choice([0.003, 0.01, 0.03]))
-
-
-def make(robot, effect, seed, folder):
-    """A robot with one effect; the joint that has it."""
-    random = np.random.default_rng([seed, zlib.crc32(f"{robot} {effect}".encode())])
+def make(robot, effects, seed, folder):
+    """A robot with these effects; the joint that has each."""
+    random = np.random.default_rng([seed, zlib.crc32(f"{robot} {' '.join(effects)}".encode())])
     model, names = load(robot)
     is_leg = robot == "Go2's leg"
     rate, noise = settings(random)
@@ -192,31 +81,37 @@ def make(robot, effect, seed, folder):
     scattered(model, random)
     tau = torque(model, q, dq, ddq)
     drive = Drive(tau, dq, ddq, random)
-    j, own, gains, fast, lag = hidden(effect, model, t, q, dq, tau, drive, random)
-    if effect == "payload":
-        j, tau = model.nv - 1, torque(loaded(model, random, is_leg)[0], q, dq, ddq)
+    joints, own, gains, fast, lag = [], np.zeros_like(tau), np.ones(model.nv), np.ones(model.nv), 0.0
+    for effect in effects:
+        j, its_own, its_gains, its_fast, its_lag = hidden(effect, model, t, q, dq, tau, drive, random)
+        joints.append(j)
+        own, gains, fast, lag = own + its_own, gains * its_gains, fast * its_fast, lag + its_lag
+    if "payload" in effects:
+        joints[effects.index("payload")], tau = model.nv - 1, torque(loaded(model, random, is_leg)[0], q, dq, ddq)
     tau = (tau + drive.torque(dq, ddq) + own) * gains
     tau = np.stack([np.interp(t - lag, t, column) for column in tau.T], axis=1)
     write_log(folder / "log.csv", names, t, q, dq * fast, tau, random, noise, drive.size)
     write_model(robot, folder / "model.toml")
-    return names[j]
+    return [names[j] for j in joints]
 
 
-def said(proprio, folder, *arguments):
-    output = subprocess.run([proprio, *arguments, "--json"], cwd=folder, capture_output=True, text=True)
-    return json.loads(output.stdout) if output.stdout else {"verdict": output.stderr}
+def diagnosed(proprio, robot, effects, seed):
+    """What `diagnose` says of a robot with these effects, and where each is."""
+    with tempfile.TemporaryDirectory() as folder:
+        joints = make(robot, effects, seed, Path(folder))
+        # Without a model file the robot is a Go2.
+        model = ["-m", "model.toml"] if ROBOTS[robot] else []
+        found = said(proprio, folder, "diagnose", "log.csv", *model)
+    places = [(effect, "base" if effect == "delay" else joint) for effect, joint in zip(effects, joints)]
+    return found, places
 
 
-def named(found):
-    """Effects beyond the drive's that a diagnosis has added for good, with their joints."""
-    added = {}
-    for step in found["path"]:
-        for joint in step["joints"]:
-            if step["step"] == "add":
-                added[step["effect"], joint] = True
-            elif step["step"] == "remove":
-                added.pop((step["effect"], joint), None)
-    return [one for one in added if one[0] not in DRIVE]
+def words(found, names, masses):
+    """What was named, and the errors."""
+    shown = ", ".join([f"{name}:{where}" for name, where in names] + [f"mass of {link}" for link in masses]) or "nothing"
+    floor = found["error"]["floor"]
+    floor = "unknown" if floor is None else f"{floor:.4g} N m"
+    return f"{shown}; {found['error']['after']:.4g} N m, floor {floor}"
 
 
 def heavier(found):
@@ -228,16 +123,10 @@ def heavier(found):
 
 
 def of_case(proprio, robot, effect, seed):
-    with tempfile.TemporaryDirectory() as folder:
-        joint = make(robot, effect, seed, Path(folder))
-        # Without a model file the robot is a Go2.
-        model = ["-m", "model.toml"] if ROBOTS[robot] else []
-        found = said(proprio, folder, "diagnose", "log.csv", *model)
+    found, [(_, joint)] = diagnosed(proprio, robot, [effect], seed)
     if found["verdict"] == "refused" or "path" not in found:
         return effect, f"{robot}, {effect}: refused", "refused"
-    names, after, floor = named(found), found["error"]["after"], found["error"]["floor"]
-    masses = heavier(found)
-    at = "base" if effect == "delay" else joint
+    names, masses = named(found), heavier(found)
     if effect == "none":
         verdict = "right" if not names and not found["outside_catalogue"] else "wrong"
     elif effect in OUTSIDE:
@@ -247,10 +136,23 @@ def of_case(proprio, robot, effect, seed):
         # A load is a body that is heavier.
         verdict = "right" if masses else "wrong"
     else:
-        verdict = "right" if names == [(effect, at)] else "with others" if (effect, at) in names else "wrong"
-    shown = ", ".join([f"{name}:{where}" for name, where in names] + [f"mass of {link}" for link in masses]) or "nothing"
-    floor = "unknown" if floor is None else f"{floor:.4g} N m"
-    return effect, f"{robot}, {effect} at {joint}: {shown}; {after:.4g} N m, floor {floor}", verdict
+        verdict = "right" if names == [(effect, joint)] else "with others" if (effect, joint) in names else "wrong"
+    return effect, f"{robot}, {effect} at {joint}: {words(found, names, masses)}", verdict
+
+
+def of_pair(proprio, seed):
+    """Two effects of the catalogue on a robot, all drawn: how many are named, and how many names are neither."""
+    random = np.random.default_rng([seed, 2])
+    robot = list(ROBOTS)[random.integers(len(ROBOTS))]
+    effects = [str(effect) for effect in random.choice(CATALOGUE, 2, replace=False)]
+    found, places = diagnosed(proprio, robot, effects, seed)
+    if "path" not in found:
+        return robot, f"{robot}, {' and '.join(effects)}: refused", (0, 0)
+    names, masses = named(found), heavier(found)
+    known = [place in names or (place[0] == "payload" and bool(masses)) for place in places]
+    false = [name for name in names if name not in places]
+    hidden_at = " and ".join(f"{effect} at {joint}" for effect, joint in places)
+    return robot, f"{robot}, {hidden_at}: {words(found, names, masses)}", (sum(known), len(false))
 
 
 def of_load(proprio, robot, seed):
@@ -289,6 +191,7 @@ def main():
     parser.add_argument("proprio", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--loads", type=int, default=10, help="robots with a load, of each arm")
+    parser.add_argument("--pairs", type=int, default=40, help="robots with two effects")
     parser.add_argument("--only", default="", help="effects or robots whose name has this")
     parser.add_argument("--write", action="store_true", help="keep the table")
     asked = parser.parse_args()
@@ -303,8 +206,9 @@ def main():
 
     calls = [lambda robot=robot, effect=effect: of_case(proprio, robot, effect, asked.seed) for robot, effect in cases]
     loads = [lambda robot=robot, n=n: of_load(proprio, robot, asked.seed + n) for robot in arms for n in range(asked.loads)]
+    pairs = [lambda n=n: of_pair(proprio, asked.seed + n) for n in range(asked.pairs if asked.only in "pairs" else 0)]
     with ThreadPoolExecutor(2) as pool:
-        judged, carried = list(pool.map(run, calls)), list(pool.map(run, loads))
+        judged, carried, paired = (list(pool.map(run, part)) for part in (calls, loads, pairs))
 
     text = (
         "# Logs that Pinocchio made\n\n"
@@ -326,9 +230,15 @@ def main():
             own = [verdict for robot, _, verdict in carried if robot == arm]
             told = [off for off, _ in own if off is not None]
             text += f"| {arm} | {len(own)} | {len(told)} | {sum(abs(off) <= 2 for off in told)} | {sum(gains for _, gains in own)} |\n"
+    if paired:
+        both = sum(count == 2 for *_, (count, _) in paired)
+        false = sum(more > 0 for *_, (_, more) in paired)
+        text += f"\n## Two effects at once\n\nOf {len(paired)} pairs that were drawn both effects are named in {both}, and a name is false in {false}. The others:\n\n"
+        text += "".join(f"- {line}\n" for _, line, judgement in paired if judgement != (2, 0))
     print(text)
     if asked.write:
         (HERE / "table.md").write_text(text)
 
 
-main()
+if __name__ == "__main__":
+    main()
