@@ -87,6 +87,9 @@ pub struct Diagnosis {
     pub formulas: Vec<FoundFormula>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
+    /// Loads that come or go within the log, which are sentences of that too.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub load_changes: Vec<LoadChangeReport>,
     /// Of long logs, of which all the rest here is of a drawn part: the errors over every window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub every_window: Option<EveryWindow>,
@@ -109,6 +112,19 @@ pub enum Verdict {
     Complete,
     /// The data are too short or too poor to say.
     Insufficient,
+}
+
+/// A load that comes or goes within a log.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LoadChangeReport {
+    /// The joint that moves the link that carries it.
+    pub joint: String,
+    /// When, s.
+    pub from: f64,
+    /// What comes, kg; negative: what goes.
+    pub mass: f64,
+    /// Its standard deviation, kg.
+    pub std: f64,
 }
 
 /// What an effect would add.

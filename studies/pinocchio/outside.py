@@ -155,7 +155,7 @@ def of_case(proprio, robot, cause, seed):
     right = IS_NAMED.get(cause, set())
     names = [one for one in names if one not in formulas and one[0] not in right]
     outside, after, floor = found["outside_catalogue"], found["error"]["after"], found["error"]["floor"]
-    is_load = any("its link carries" in sentence for sentence in outside)
+    is_load = bool(found.get("load_changes"))
     verdict = "load" if is_load else "formula" if formulas else "outside" if outside else "body" if found.get("bodies") else "nothing"
     if right & {one[0] for one in named(found)}:
         verdict = "named"

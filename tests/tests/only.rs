@@ -4,7 +4,6 @@ use std::path::Path;
 
 use proprio_tests::command::{done, folder, json, refusal};
 use proprio_tests::rows::Rows;
-use serde_json::Value;
 
 const PLAIN: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
 
@@ -172,18 +171,28 @@ fn a_load_that_comes_is_told_with_its_time_and_mass() {
         }
         log.write(&folder.join("log.csv"));
         let found = json(&done(folder, &["diagnose", "log.csv", "--json"]));
-        let left: Vec<&str> = (found["outside_catalogue"].as_array().unwrap().iter())
-            .filter_map(Value::as_str)
-            .collect();
-        let [told] = left[..] else {
-            panic!("{left:?}");
-        };
-        let words: Vec<&str> = told.split_whitespace().collect();
-        let number = |n: usize| words[n].trim_start_matches('±').parse::<f64>().unwrap();
-        assert!(told.starts_with("FR_calf: its link carries"), "{told}");
-        assert!((number(4) - mass).abs() < 0.1 * mass, "{told}");
-        assert!((number(9) - from).abs() < 0.2, "{told}");
-        let (_, only) = told.split_once("--only '").unwrap();
+        let (loads, left) = (&found["load_changes"], &found["outside_catalogue"]);
+        assert_eq!(
+            [loads, left].map(|all| all.as_array().unwrap().len()),
+            [1, 1],
+            "{left}"
+        );
+        let number = |name: &str| loads[0][name].as_f64().unwrap();
+        assert_eq!(loads[0]["joint"], "FR_calf");
+        assert!(
+            (number("mass") - mass).abs() < 3.0 * number("std"),
+            "{loads}"
+        );
+        assert!(number("std") < 0.1 * mass, "{loads}");
+        assert!((number("from") - from).abs() < 0.2, "{loads}");
+        let screen = done(folder, &["diagnose", "log.csv"]);
+        assert!(
+            screen.starts_with("Missing: a load that comes at"),
+            "{screen}"
+        );
+        let (_, only) = screen
+            .split_once("Next: proprio diagnose log.csv --only '")
+            .unwrap();
         let (first, _) = only.split_once('\'').unwrap();
         let screen = done(folder, &["diagnose", "log.csv", "--only", first]);
         let screen = screen.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -1,10 +1,11 @@
 //! A load that comes or goes within a log: a hand that picks something up, a foot that catches a strap.
 //!
 //! A model has one body for the whole log. Of what it leaves, the ten inertial parameters of a body are fitted before and after a time, whatever else the
-//! model has as it is; the time and the body are those at which that explains most. It is no drift of a joint: one change explains what is left
-//! of every joint that carries the body.
+//! model has as it is; the time and the body are those at which that explains most. All that the model has beside that body was fitted to both parts: for
+//! the mass all of it is fitted once more, beside the change. It is no drift of a joint: one change explains what is left of every joint that carries
+//! the body.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use proprio_core::inertia::INERTIAL;
 
 use super::bodies::AT_FLOOR;
@@ -54,12 +55,10 @@ impl Products {
         }
     }
 
-    /// The parameters that explain most, the mass's variance in units of the noise, and the sum of squares that they explain.
-    fn solved(&self, shrinkage: &SVector<f64, INERTIAL>) -> Option<(f64, f64, f64)> {
+    /// The sum of squares that the parameters explain at most.
+    fn explained(&self, shrinkage: &SVector<f64, INERTIAL>) -> Option<f64> {
         let factor = (self.squares + SMatrix::from_diagonal(shrinkage)).cholesky()?;
-        let found = factor.solve(&self.with_left);
-        let mass = SVector::<f64, INERTIAL>::ith(0, 1.0);
-        Some((found[0], factor.solve(&mass)[0], found.dot(&self.with_left)))
+        Some(factor.solve(&self.with_left).dot(&self.with_left))
     }
 }
 
@@ -110,38 +109,69 @@ pub(crate) fn of(
             }
             sums.push(sum);
         }
-        best_split(&sums)
-            .map(|(at, mass, variance, explained)| (explained, body, at, mass, variance))
+        best_split(&sums).map(|(explained, at)| (explained, body, at))
     };
     let best = (0..n).filter_map(change).max_by(|a, b| a.0.total_cmp(&b.0));
-    let (explained, joint, at, mass, variance) = best?;
-    let error = ((all - explained).max(count) / count * variance).sqrt();
-    let found = LoadChange {
-        joint,
-        from: data.motion.windows[*windows.get(at)?].t,
-        mass: [mass, error],
-    };
-    (explains_most(all, all - explained, count) && mass.abs() > SURE * error).then_some(found)
+    let (explained, joint, at) = best?;
+    if !explains_most(all, all - explained, count) {
+        return None;
+    }
+    // The change beside all that the model has.
+    let from = *windows.get(at)?;
+    let places: Vec<_> = values.places().collect();
+    let columns = data.columns(values, &places, &[]);
+    let rows = data.rows(values, &columns);
+    let (known, own) = (columns.entries.len(), INERTIAL * joint);
+    let size = known + INERTIAL;
+    let (mut squares, mut with_left) = (DMatrix::<f64>::zeros(size, size), DVector::zeros(size));
+    let mut row: Vec<(usize, f64)> = Vec::new();
+    for &w in &windows {
+        for j in judged(w) {
+            let numbers = rows.row(w, j);
+            let number = |entry: usize| Some(numbers[columns.place(j, entry)?] / noise[j]);
+            row.clear();
+            row.extend((0..known).filter_map(|entry| Some((entry, number(entry)?))));
+            if w >= from {
+                let changed = 0..INERTIAL;
+                row.extend(changed.filter_map(|n| Some((known + n, number(own + n)?))));
+            }
+            for (a, x) in &row {
+                with_left[*a] += x * left(w, j);
+                row.iter().for_each(|(b, y)| squares[(*a, *b)] += x * y);
+            }
+        }
+    }
+    for k in 0..size {
+        // What no row has is nothing.
+        squares[(k, k)] += (SHRINKAGE * squares[(k, k)]).max(f64::MIN_POSITIVE);
+    }
+    let factor = squares.cholesky()?;
+    let found = factor.solve(&with_left);
+    let variance = factor.inverse()[(known, known)];
+    let remains = (all - found.dot(&with_left)).max(count) / count;
+    let mass = [found[known], (remains * variance).sqrt()];
+    let from = data.motion.windows[from].t;
+    (mass[0].abs() > SURE * mass[1]).then_some(LoadChange { joint, from, mass })
 }
 
-/// Of running sums the place at which a change explains most: with it the mass that comes, its variance in units of the noise, and by how much a model
-/// with the change explains more than one without.
-fn best_split(sums: &[Products]) -> Option<(usize, f64, f64, f64)> {
+/// Of running sums the place at which a change explains most, and by how much more than what does not change.
+fn best_split(sums: &[Products]) -> Option<(f64, usize)> {
     let (whole, last) = (sums.last()?, sums.len() - 1);
     let shrinkage = SHRINKAGE * whole.squares.diagonal();
-    let alone = whole.solved(&shrinkage)?.2;
+    let alone = whole.explained(&shrinkage)?;
     let split = |at: usize| {
-        let before = sums[at].solved(&shrinkage)?;
-        let after = whole.minus(&sums[at]).solved(&shrinkage)?;
-        let explained = before.2 + after.2 - alone;
-        Some((at, after.0 - before.0, after.1 + before.1, explained))
+        let after = whole.minus(&sums[at]);
+        Some((
+            sums[at].explained(&shrinkage)? + after.explained(&shrinkage)? - alone,
+            at,
+        ))
     };
     let best = |from: usize, to: usize, by: usize| {
         let all = (from..to).step_by(by).filter_map(split);
-        all.max_by(|a, b| a.3.total_cmp(&b.3))
+        all.max_by(|a, b| a.0.total_cmp(&b.0))
     };
     let ends = (LEAST_SHARE * last as f64) as usize + 1;
     let by = last.div_ceil(TIMES);
-    let near = best(ends, last.saturating_sub(ends), by)?.0;
+    let near = best(ends, last.saturating_sub(ends), by)?.1;
     best(near.saturating_sub(by).max(ends), near + by + 1, 1)
 }

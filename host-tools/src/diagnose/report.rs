@@ -7,7 +7,7 @@ use super::changed::changed;
 use super::path::path;
 use super::{
     Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, FoundFormula, JointError,
-    ParameterReport, Verdict, contact, text,
+    LoadChangeReport, ParameterReport, Verdict, contact, text,
 };
 use crate::detect::black_box::Explained;
 use crate::detect::bursts::bursts;
@@ -96,6 +96,17 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         },
         formulas,
         outside_catalogue,
+        load_changes: (d.load_changes.iter().enumerate())
+            .filter_map(|(limb, change)| {
+                let change = change.as_ref()?;
+                Some(LoadChangeReport {
+                    joint: d.name(limb, change.joint),
+                    from: change.from,
+                    mass: change.mass[0],
+                    std: change.mass[1],
+                })
+            })
+            .collect(),
         every_window: None,
         stands: !stands.is_empty(),
         logs: d.recording.logs.clone(),
@@ -355,15 +366,19 @@ impl Diagnosed<'_> {
             let candidate = self.candidate(judged, total);
             (candidate.joints.join(", "), text::unphysical(&candidate))
         });
-        let resolved = self.resolved();
-        let loads = self.load_changes.iter().enumerate();
-        let loads = loads.filter_map(|(limb, change)| {
-            let change = change.as_ref()?;
-            Some((self.name(limb, change.joint), text::load_change(change)))
-        });
-        // One sentence a joint: they are of one cause, the first says most.
+        let mut resolved = self.resolved();
         let mut told: Vec<Left> = Vec::new();
-        for (joint, words) in (loads.chain(structures).chain(boxes))
+        for (limb, change) in self.load_changes.iter().enumerate() {
+            let Some(change) = change else { continue };
+            // It is the cause of what is left at all joints of its limb.
+            resolved.extend(self.all[self.judged[limb]].joint_names());
+            told.push(Left {
+                joint: self.name(limb, change.joint),
+                words: text::load_change(change),
+            });
+        }
+        // One sentence a joint: they are of one cause, the first says most.
+        for (joint, words) in (structures.chain(boxes))
             .chain(drifting)
             .chain(bursts)
             .chain(unphysical)

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Diagnosis, FoundFormula, Verdict};
+use super::{Diagnosis, FoundFormula, LoadChangeReport, Verdict};
 use crate::catalogue;
 use crate::model::Robot;
 use crate::summary::{POINTS, Summary, joints_in_words, torque, typed, word};
@@ -120,7 +120,12 @@ impl Diagnosis {
         let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
             missing.iter().partition(|m| m.is_plain());
         let mut names: Vec<String> = Vec::new();
-        if !self.outside_catalogue.is_empty() {
+        let load = |load: &LoadChangeReport| {
+            let comes = if load.mass > 0.0 { "comes" } else { "goes" };
+            format!("a load that {comes} at {:.1} s ({})", load.from, load.joint)
+        };
+        names.extend(self.load_changes.iter().map(load));
+        if self.outside_catalogue.len() > self.load_changes.len() {
             names.push("an effect outside the catalogue".to_owned());
         }
         let named = |m: &&Missing| format!("{} ({})", m.shown, m.at(&all));
@@ -241,6 +246,11 @@ impl Diagnosis {
     }
 
     fn command(&self, missing: &[Missing], robot: &Robot, model: Option<&Path>) -> String {
+        if let Some(load) = self.load_changes.first() {
+            // One model holds for each part.
+            let with = typed(&self.logs, model);
+            return format!("proprio diagnose {with} --only 't < {:.1}'", load.from);
+        }
         if self.bodies_instead && missing.iter().all(|m| !m.is_plain()) {
             let with = typed(&self.logs, model);
             return format!("proprio identify {with} -o refitted.toml");

@@ -1,7 +1,7 @@
 //! The noise floor: the error that no model can take away.
 //!
 //! Two ways. Where the motion repeats itself, so does all that a model could explain; what differs between periods is noise.
-//! Otherwise what a model could explain is smooth from window to window, and differences remove it. A window's
+//! Otherwise what a model could explain is smooth from window to window, and the second difference removes it. A window's
 //! noise is not white: the readings at its ends belong to two windows, with opposite signs, so that neighbours are
 //! correlated, an MA(1) process with autocovariances γ0, γ1. The second difference d of such noise has
 //!
@@ -12,16 +12,14 @@
 //! and what a smooth structure leaves in d is alike at lags this short: a constant s. From the four sample autocovariances γ0,
 //! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
 //! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
-//! standard error of γ0's root is 3 %, of the root of the mean square 2 %: what the mean square has above γ0 is structure only as far as it is
-//! beyond the error of that. Fourth differences, six autocovariances of them, have an error of 5 %, but of a structure of 4 Hz in windows of 20 ms
-//! they leave 0.3 % of the mean square where second ones leave 3 %: what second differences have above fourth ones is structure by the same rule.
-//! Structure that changes within a few windows counts as noise here
+//! standard error of γ0 is 4 %, of the mean square itself 2 %: what the mean square has above γ0 is structure only as far as it is beyond
+//! the error of that. Structure that changes within a few windows counts as noise here
 //! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. A log's floor is
 //! that of what a regression on the motion leaves ([`crate::detect::floor`]).
 
 use std::fmt;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -36,7 +34,7 @@ pub enum NoiseMethod {
         /// Length of a period, s.
         period: f64,
     },
-    /// From differences of neighbouring windows.
+    /// From second differences of neighbouring windows.
     HighFrequency {
         /// Correlation of neighbouring windows' noise, −0.5 to 0.5.
         neighbours: f64,
@@ -97,69 +95,20 @@ pub(super) fn floor(series: &Series, runs: &Runs) -> Option<NoiseFloor> {
     }
 }
 
-/// A difference of neighbouring windows of a series.
-struct Difference {
-    /// Multiples of windows that follow each other.
-    of: &'static [f64],
-    /// Autocovariance of it in white noise of variance 1, from lag 0 on.
-    of_white: &'static [f64],
-}
-
-/// The second difference, and the fourth.
-const DIFFERENCES: [Difference; 2] = [
-    Difference {
-        of: &[1.0, -2.0, 1.0],
-        of_white: &[6.0, -4.0, 1.0],
-    },
-    Difference {
-        of: &[1.0, -4.0, 6.0, -4.0, 1.0],
-        of_white: &[70.0, -56.0, 28.0, -8.0, 1.0],
-    },
-];
-
-/// The most lags that are used of a difference.
-const MOST_LAGS: usize = 6;
-
-impl Difference {
-    /// Lags at which noise that neighbours share leaves anything.
-    const fn lags(&self) -> usize {
-        self.of_white.len() + 1
-    }
-
-    /// Autocovariance in white noise at any lag.
-    fn of_white(&self, lag: i32) -> f64 {
-        (self.of_white.get(lag.unsigned_abs() as usize).copied()).unwrap_or(0.0)
-    }
-}
-
-/// Sums of products of a difference with itself some lags later.
-#[derive(Debug, Clone, Copy, Default)]
-struct Products {
-    sum: [f64; MOST_LAGS],
-    count: [f64; MOST_LAGS],
-}
-
-impl Products {
-    fn mean(&self, lag: usize) -> f64 {
-        self.sum[lag] / self.count[lag].max(1.0)
-    }
-}
-
-/// Sums over a stretch.
+/// Sums of products of differences over a stretch.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
-    of: [Products; DIFFERENCES.len()],
+    sum: [f64; 4],
+    count: [f64; 4],
     /// Sum of squares of the windows themselves, and how many.
     squares: [f64; 2],
 }
 
 impl Sums {
     fn plus(mut self, other: &Self, sign: f64) -> Self {
-        for (products, more) in self.of.iter_mut().zip(&other.of) {
-            for lag in 0..MOST_LAGS {
-                products.sum[lag] += sign * more.sum[lag];
-                products.count[lag] += sign * more.count[lag];
-            }
+        for lag in 0..4 {
+            self.sum[lag] += sign * other.sum[lag];
+            self.count[lag] += sign * other.count[lag];
         }
         for n in 0..2 {
             self.squares[n] += sign * other.squares[n];
@@ -172,9 +121,8 @@ impl Sums {
         self.squares[0] / self.squares[1].max(1.0)
     }
 
-    /// Differences at the longest lag of second differences: with fewer a stretch says nothing.
-    fn count(&self) -> f64 {
-        self.of[0].count[DIFFERENCES[0].lags() - 1]
+    fn mean(&self, lag: usize) -> f64 {
+        self.sum[lag] / self.count[lag].max(1.0)
     }
 }
 
@@ -183,7 +131,7 @@ fn jackknife(stretches: &[Sums], estimate: impl Fn(&Sums) -> f64) -> (f64, f64) 
     let all = stretches
         .iter()
         .fold(Sums::default(), |all, s| all.plus(s, 1.0));
-    let used: Vec<&Sums> = stretches.iter().filter(|s| s.squares[1] > 0.0).collect();
+    let used: Vec<&Sums> = stretches.iter().filter(|s| s.count[0] > 0.0).collect();
     let without: Vec<f64> = used.iter().map(|s| estimate(&all.plus(s, -1.0))).collect();
     let count = without.len() as f64;
     let mean = without.iter().sum::<f64>() / count;
@@ -200,38 +148,34 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
             stretch.squares[0] += value * value;
             stretch.squares[1] += 1.0;
         }
-        for (n, difference) in DIFFERENCES.iter().enumerate() {
-            let d: Vec<f64> = (values.windows(difference.of.len()))
-                .map(|w| w.iter().zip(difference.of).map(|(x, by)| by * x).sum())
-                .collect();
-            for lag in 0..difference.lags().min(d.len()) {
-                for (k, (a, b)) in d.iter().zip(&d[lag..]).enumerate() {
-                    let products = &mut stretches[(run.start + k) / STRETCH].of[n];
-                    products.sum[lag] += a * b;
-                    products.count[lag] += 1.0;
-                }
+        let d: Vec<f64> = values
+            .windows(3)
+            .map(|w| w[0] - 2.0 * w[1] + w[2])
+            .collect();
+        for lag in 0..4.min(d.len()) {
+            for (k, (a, b)) in d.iter().zip(&d[lag..]).enumerate() {
+                let stretch = &mut stretches[(run.start + k) / STRETCH];
+                stretch.sum[lag] += a * b;
+                stretch.count[lag] += 1.0;
             }
         }
     }
-    if stretches.iter().map(Sums::count).sum::<f64>() < LEAST as f64 / 2.0 {
+    if stretches.iter().map(|s| s.count[3]).sum::<f64>() < LEAST as f64 / 2.0 {
         return None;
     }
-    let noise = [Noise::of(0), Noise::of(1)];
-    let errors =
-        (noise.each_ref()).map(|noise| jackknife(&stretches, |sums| noise.moments(sums)[0]).1);
-    // Without structure the mean square tells the variance best, then second differences, and what differs is the error of the others (Hausman 1978).
+    let above = |sums: &Sums| (sums.square() - moving_average(sums)[0]).max(0.0);
+    // Without structure the mean square tells the variance best, and what differs is the error of the other (Hausman 1978).
+    let (_, differences_std) = jackknife(&stretches, |sums| moving_average(sums)[0]);
     let variance = |sums: &Sums| {
-        (noise.iter().zip(errors)).fold(sums.square(), |variance, (noise, error)| {
-            let above = (variance - noise.moments(sums)[0]).max(0.0);
-            let beyond = above - (SURE * error).powi(2) / above.max(f64::MIN_POSITIVE);
-            variance - beyond.max(0.0)
-        })
+        let above = above(sums);
+        let beyond = above - (SURE * differences_std).powi(2) / above.max(f64::MIN_POSITIVE);
+        sums.square() - beyond.max(0.0)
     };
     let (rms, rms_std) = jackknife(&stretches, |sums| variance(sums).max(0.0).sqrt());
     let all = stretches
         .iter()
         .fold(Sums::default(), |all, s| all.plus(s, 1.0));
-    let [variance, neighbours] = noise[0].moments(&all);
+    let [variance, neighbours] = moving_average(&all);
     let method = NoiseMethod::HighFrequency {
         neighbours: if variance > 0.0 {
             neighbours / variance
@@ -242,7 +186,7 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     Some(NoiseFloor {
         rms,
         rms_std,
-        upper_bound: !steady(&stretches, &noise[0], rms),
+        upper_bound: !steady(&stretches, rms),
         method,
     })
 }
@@ -254,85 +198,85 @@ const STEADY: f64 = 1.2;
 const UNSTEADY: f64 = 0.001;
 
 /// Whether the noise of up to eight parts of the series is the same but for chance (chi-square test).
-fn steady(stretches: &[Sums], noise: &Noise, rms: f64) -> bool {
+fn steady(stretches: &[Sums], rms: f64) -> bool {
     let parts = (stretches.len() / 2).clamp(2, 8);
     let groups = stretches.chunks(stretches.len().div_ceil(parts));
-    let sums = groups.map(|group| (group.iter()).fold(Sums::default(), |all, s| all.plus(s, 1.0)));
+    let sums = groups.map(|group| {
+        group
+            .iter()
+            .fold(Sums::default(), |all, s| all.plus(s, 1.0))
+    });
     let (mut statistic, mut count) = (0.0, 0.0);
-    for part in sums.filter(|part| part.count() >= STRETCH as f64) {
-        let off = noise.moments(&part)[0].max(0.0).sqrt() / rms.max(f64::MIN_POSITIVE) - 1.0;
-        statistic += off * off * part.of[0].count[0] / (STEADY * STEADY);
+    for part in sums.filter(|part| part.count[3] >= STRETCH as f64) {
+        let off = moving_average(&part)[0].max(0.0).sqrt() / rms.max(f64::MIN_POSITIVE) - 1.0;
+        statistic += off * off * part.count[0] / (STEADY * STEADY);
         count += 1.0;
     }
     let chi_square = ChiSquared::new(f64::max(count - 1.0, 1.0));
     chi_square.is_ok_and(|chi_square| chi_square.sf(statistic) >= UNSTEADY)
 }
 
-/// From the autocovariances of a difference to γ0 and γ1 of an MA(1) process: least squares weighted by the covariance of sample
-/// autocovariances in white noise, each a matrix that is multiplied by them.
-struct Noise {
-    n: usize,
-    /// To γ0, γ1, s.
-    free: DMatrix<f64>,
-    /// To γ0, γ1 where no structure is left.
-    alone: DMatrix<f64>,
-    /// To γ0, s where γ1 is −γ0/2, and where it is γ0/2.
-    bound: [DMatrix<f64>; 2],
+/// Lags of the second difference's autocovariance that are used.
+const DIFFERENCE_LAGS: usize = 4;
+
+/// Autocovariance of the second difference of white noise of variance 1.
+const OF_WHITE: [f64; 3] = [6.0, -4.0, 1.0];
+
+/// γ0 and γ1 of an MA(1) process from the autocovariances of its second difference, with |γ1| ≤ γ0/2 as every MA(1)
+/// process has it.
+fn moving_average(sums: &Sums) -> [f64; 2] {
+    let y = SVector::<f64, DIFFERENCE_LAGS>::from_fn(|lag, _| sums.mean(lag));
+    // Columns γ0, γ1, s.
+    let columns = SMatrix::<f64, DIFFERENCE_LAGS, 3>::from_row_slice(&[
+        6.0, -8.0, 1.0, //
+        -4.0, 7.0, 1.0, //
+        1.0, -4.0, 1.0, //
+        0.0, 1.0, 1.0,
+    ]);
+    let [mut g0, mut g1, slow]: [f64; 3] = weighted(columns, y).into();
+    if slow < 0.0 {
+        // What is alike at all lags is the variance of something.
+        [g0, g1] = weighted(columns.fixed_columns::<2>(0).into_owned(), y).into();
+    }
+    if g1.abs() <= 0.5 * g0 {
+        return [g0, g1];
+    }
+    // On the bound γ1 = ±γ0/2 two unknowns are left.
+    let side = 0.5f64.copysign(g1);
+    let bound = columns.fixed_columns::<2>(0) * SVector::from([1.0, side]);
+    let columns =
+        SMatrix::<f64, DIFFERENCE_LAGS, 2>::from_columns(&[bound, columns.column(2).into()]);
+    let [g0, _]: [f64; 2] = weighted(columns, y).into();
+    let g0 = f64::max(g0, 0.0);
+    [g0, side * g0]
 }
 
-impl Noise {
-    /// Of the n-th difference.
-    fn of(n: usize) -> Self {
-        let difference = &DIFFERENCES[n];
-        let at = |lag| difference.of_white(lag);
-        let lags = difference.lags();
-        let covariance = DMatrix::from_fn(lags, lags, |i, j| {
-            let (i, j) = (i as i32, j as i32);
-            let term = |m: i32| at(m) * at(m + j - i) + at(m + j) * at(m - i);
-            let last = 2 * lags as i32;
-            (-last..=last).map(term).sum()
-        });
-        let root = covariance.cholesky().expect("a covariance of full rank");
-        let solver = |columns: DMatrix<f64>| {
-            let weighted = root.solve(&columns).transpose();
-            let products = (&weighted * &columns).cholesky();
-            products.expect("columns that differ").solve(&weighted)
-        };
-        let column = |of: &dyn Fn(i32) -> f64| DVector::from_fn(lags, |lag, _| of(lag as i32));
-        let (own, beside) = (column(&at), column(&|lag| at(lag - 1) + at(lag + 1)));
-        let alike = column(&|_| 1.0);
-        Self {
-            n,
-            alone: solver(DMatrix::from_columns(&[own.clone(), beside.clone()])),
-            bound: [-0.5, 0.5].map(|side| {
-                solver(DMatrix::from_columns(&[
-                    &own + side * &beside,
-                    alike.clone(),
-                ]))
-            }),
-            free: solver(DMatrix::from_columns(&[own, beside, alike])),
-        }
-    }
-
-    /// γ0 and γ1, with |γ1| ≤ γ0/2 as every MA(1) process has it.
-    fn moments(&self, sums: &Sums) -> [f64; 2] {
-        let lags = DIFFERENCES[self.n].lags();
-        let y = DVector::from_fn(lags, |lag, _| sums.of[self.n].mean(lag));
-        let found = &self.free * &y;
-        let [mut g0, mut g1] = [found[0], found[1]];
-        if found[2] < 0.0 {
-            // What is alike at all lags is the variance of something.
-            let found = &self.alone * &y;
-            [g0, g1] = [found[0], found[1]];
-        }
-        if g1.abs() <= 0.5 * g0 {
-            return [g0, g1];
-        }
-        // On the bound two unknowns are left.
-        let side = usize::from(g1 > 0.0);
-        let g0 = f64::max((&self.bound[side] * &y)[0], 0.0);
-        [g0, (side as f64 - 0.5) * g0]
-    }
+/// Least squares weighted by the covariance of sample autocovariances in white noise.
+fn weighted<const N: usize>(
+    columns: SMatrix<f64, DIFFERENCE_LAGS, N>,
+    y: SVector<f64, DIFFERENCE_LAGS>,
+) -> SVector<f64, N> {
+    let at = |lag: i32| {
+        OF_WHITE
+            .get(lag.unsigned_abs() as usize)
+            .copied()
+            .unwrap_or(0.0)
+    };
+    let covariance = SMatrix::<f64, DIFFERENCE_LAGS, DIFFERENCE_LAGS>::from_fn(|i, j| {
+        let (i, j) = (i as i32, j as i32);
+        let term = |m: i32| at(m) * at(m + j - i) + at(m + j) * at(m - i);
+        (-8..=8).map(term).sum()
+    });
+    let root = covariance
+        .cholesky()
+        .expect("a covariance of full rank")
+        .l();
+    let solve = "a factor of full rank";
+    let x = root.solve_lower_triangular(&columns).expect(solve);
+    let y = root.solve_lower_triangular(&y).expect(solve);
+    let qr = x.transpose() * x;
+    qr.cholesky()
+        .map_or(SVector::zeros(), |qr| qr.solve(&(x.transpose() * y)))
 }
 
 /// What differs from one period to the next, over √2.
@@ -342,11 +286,11 @@ fn repeated(series: &Series, runs: &Runs, period: usize) -> Option<NoiseFloor> {
         for k in run.start..run.end.saturating_sub(period) {
             let d = series.residual[k + period] - series.residual[k];
             let stretch = &mut stretches[k / STRETCH];
-            stretch.squares[0] += 0.5 * d * d;
-            stretch.squares[1] += 1.0;
+            stretch.sum[0] += 0.5 * d * d;
+            stretch.count[0] += 1.0;
         }
     }
-    let (rms, rms_std) = jackknife(&stretches, |sums| sums.square().sqrt());
+    let (rms, rms_std) = jackknife(&stretches, |sums| sums.mean(0).max(0.0).sqrt());
     let first = runs.0.iter().find(|run| run.len() > period)?;
     let period = series.t[first.start + period] - series.t[first.start];
     let method = NoiseMethod::RepeatedPeriods { period };
