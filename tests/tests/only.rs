@@ -160,15 +160,12 @@ fn a_load_that_comes_is_told_with_its_time_and_mass() {
             let hide = hide.iter().flat_map(|hide| ["--hide", hide]);
             done(folder, &simulate.chain(hide).collect::<Vec<_>>());
         }
+        // While it is taken up nothing is recorded.
         let loaded = Rows::read(&folder.join("loaded.csv"));
         let mut log = Rows::read(&folder.join("log.csv"));
-        let q = log.place("q/FR_calf");
-        for (row, loaded) in log.rows.iter_mut().zip(&loaded.rows) {
-            assert!((row[q] - loaded[q]).abs() < 1e-3, "the motion is the same");
-            if row[0] > from {
-                row.clone_from(loaded);
-            }
-        }
+        log.rows.retain(|row| row[0] < from);
+        let later = loaded.rows.into_iter().filter(|row| row[0] > from + 0.4);
+        log.rows.extend(later);
         log.write(&folder.join("log.csv"));
         let found = json(&done(folder, &["diagnose", "log.csv", "--json"]));
         let (loads, left) = (&found["load_changes"], &found["outside_catalogue"]);
@@ -184,7 +181,7 @@ fn a_load_that_comes_is_told_with_its_time_and_mass() {
             "{loads}"
         );
         assert!(number("std") < 0.1 * mass, "{loads}");
-        assert!((number("from") - from).abs() < 0.2, "{loads}");
+        assert!((from..from + 0.6).contains(&number("from")), "{loads}");
         let screen = done(folder, &["diagnose", "log.csv"]);
         assert!(
             screen.starts_with("Missing: a load that comes at"),

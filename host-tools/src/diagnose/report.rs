@@ -406,7 +406,8 @@ impl Diagnosed<'_> {
             .collect();
         side_by_side(&limbs, |(fit, noise)| {
             let below = fit.below_limits();
-            load_change::of(&below, &fit.values, &fit.predicted_held_out()?, noise)
+            // The whole fit: those that each leave a fold out have more of the load or less of it.
+            load_change::of(&below, &fit.values, &fit.predicted(), noise)
         })
     }
 
