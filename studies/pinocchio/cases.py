@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robots import HERE, ROBOTS, SECONDS, Drive, load, loaded, motion, named, rms, said, scattered, settings, torque, write_log, write_model
+from robots import HERE, ROBOTS, SECONDS, Drive, drawn, load, loaded, motion, named, rms, said, scattered, settings, torque, write_log, write_model
 
 # Which of them the catalogue has; what is found for the others is a formula, or the sentence that the catalogue lacks it.
 CATALOGUE = ["spring", "stribeck", "quadratic_drag", "load_friction", "cogging", "payload", "torque_gain", "velocity_gain", "delay", "coupled_viscous", "presliding"]
@@ -74,13 +74,7 @@ def hidden(effect, model, t, q, dq, tau, drive, random):
 def make(robot, effects, seed, folder):
     """A robot with these effects; the joint that has each."""
     random = np.random.default_rng([seed, zlib.crc32(f"{robot} {' '.join(effects)}".encode())])
-    model, names = load(robot)
-    is_leg = robot == "Go2's leg"
-    rate, noise = settings(random)
-    t, q, dq, ddq = motion(model, is_leg, rate, random)
-    scattered(model, random)
-    tau = torque(model, q, dq, ddq)
-    drive = Drive(tau, dq, ddq, random)
+    model, names, is_leg, noise, (t, q, dq, ddq), tau, drive = drawn(robot, random)
     joints, own, gains, fast, lag = [], np.zeros_like(tau), np.ones(model.nv), np.ones(model.nv), 0.0
     for effect in effects:
         j, its_own, its_gains, its_fast, its_lag = hidden(effect, model, t, q, dq, tau, drive, random)

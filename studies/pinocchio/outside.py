@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from robots import HERE, ROBOTS, SECONDS, Drive, load, loaded, motion, named, rms, said, scattered, settings, torque, write_log, write_model
+from robots import HERE, ROBOTS, SECONDS, drawn, loaded, named, rms, said, torque, write_log, write_model
 
 CAUSES = {
     "tip_drag": "drag of air or water at the last link's tip",
@@ -69,13 +69,7 @@ def swinging(places, rate, mass, random):
 
 def make(robot, cause, seed, folder):
     random = np.random.default_rng([seed, zlib.crc32(f"{robot} {cause}".encode())])
-    model, names = load(robot)
-    is_leg = robot == "Go2's leg"
-    rate, noise = settings(random)
-    t, q, dq, ddq = motion(model, is_leg, rate, random)
-    scattered(model, random)
-    tau = torque(model, q, dq, ddq)
-    drive = Drive(tau, dq, ddq, random)
+    model, names, is_leg, noise, (t, q, dq, ddq), tau, drive = drawn(robot, random)
     j, size = int(random.integers(0, model.nv)), random.uniform(0.15, 0.3)
     own, sign, away = np.zeros_like(tau), np.tanh(dq[:, j] / 0.002), q[:, j] - q[:, j].mean()
     # A leg ends about twice as far from its joint as its last body's centre of mass is.
@@ -83,7 +77,7 @@ def make(robot, cause, seed, folder):
     if cause in ("tip_drag", "wall", "string"):
         places, jacobians = at_tip(model, q, tip)
         if cause == "tip_drag":
-            u = np.gradient(places, 1 / rate, axis=0)
+            u = np.gradient(places, t[1], axis=0)
             own = of_force(jacobians, u * np.linalg.norm(u, axis=1)[:, None], size, drive)
         elif cause == "wall":
             normal = random.normal(size=3)
@@ -92,7 +86,7 @@ def make(robot, cause, seed, folder):
             own = of_force(jacobians, beyond[:, None] * normal, 2 * size, drive)
         else:
             mass = 0.5 * max(model.inertias[model.nv].mass, 0.03 * sum(body.mass for body in model.inertias))
-            own = of_force(jacobians, swinging(places, rate, mass, random), None, drive)
+            own = of_force(jacobians, swinging(places, 1 / t[1], mass, random), None, drive)
     elif cause in ("axis_off", "longer_link"):
         j = max(1, j)
         other, direction = pin.Model(model), random.normal(size=3)

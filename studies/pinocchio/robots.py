@@ -119,6 +119,18 @@ def settings(random):
     return int(random.choice([250, 500, 1000])), float(random.choice([0.003, 0.01, 0.03]))
 
 
+def drawn(robot, random):
+    """A robot with its own bodies and drive, and a log's motion: the model, its joints, whether it is a leg, the share of noise, t, q, dq and ddq, the
+    bodies' torque, the drive."""
+    model, names = load(robot)
+    is_leg = robot == "Go2's leg"
+    rate, noise = settings(random)
+    course = motion(model, is_leg, rate, random)
+    scattered(model, random)
+    tau = torque(model, *course[1:])
+    return model, names, is_leg, noise, course, tau, Drive(tau, *course[2:], random)
+
+
 def said(proprio, folder, *arguments):
     output = subprocess.run([proprio, *arguments, "--json"], cwd=folder, capture_output=True, text=True)
     return json.loads(output.stdout) if output.stdout else {"verdict": output.stderr}

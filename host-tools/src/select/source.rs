@@ -92,7 +92,7 @@ pub(crate) trait Source: Sized {
         false
     }
 
-    /// Whether what a model has and the one `without` it has not takes a part of something else at the joint where it takes most.
+    /// Whether what a model has and the one `without` it has not takes a part of something else at every joint where it takes much.
     fn is_stand_in(&self, _model: &Self::Model, _without: &Self::Model) -> bool {
         false
     }

@@ -22,7 +22,7 @@ const PROMISES_MORE: f64 = 1.25;
 /// Squares of a joint above so many times its noise are of something that the model lacks: three quarters of them.
 const FAR_FROM_NOISE: f64 = 4.0;
 /// An effect that is there explains this share of what a joint's squares have above the noise; one that explains less where much is left
-/// takes a part of something else. Of Pinocchio's and MuJoCo's logs with a cause outside the catalogue most such effects take 0.1 to 0.5.
+/// takes a part of something else. Of logs with a cause outside the catalogue (studies/pinocchio/outside.py) most such effects take 0.1 to 0.5.
 const LEAST_PART: f64 = 0.5;
 
 /// An effect takes less than this share of all that it takes, in units of the noise, at joints that others depend on.
