@@ -7,10 +7,8 @@ mod domain;
 
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::task::{Wake, Waker};
-use std::thread::{self, Thread};
+use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use domain::{Domain, Reader};
@@ -21,7 +19,7 @@ use super::address::Topic;
 use super::error::LiveError;
 use super::follow::{Arrival, Follower};
 use super::network::Network;
-use super::until::{LOOK, Until};
+use super::until::{GATHER, LOOK, Until, gathered};
 use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 
 /// How long a writer is waited for, s: participants announce themselves every few seconds.
@@ -32,6 +30,8 @@ const MORE: Duration = Duration::from_millis(500);
 const CENSUS: Duration = Duration::from_millis(500);
 /// Writers of another type that are remembered, for the count of them.
 const OTHERS: usize = 64;
+/// How long the receiving thread has at the end, to pass on what came before it.
+const LAST: Duration = Duration::from_millis(200);
 /// Messages that may wait for who takes them: 16 s of a robot's.
 const WAITING: usize = 8192;
 
@@ -112,7 +112,7 @@ pub struct Queue {
 impl LiveMessages for Queue {
     fn next(&mut self) -> Option<LiveMessage> {
         while !self.until.is_over(self.first) {
-            match self.messages.recv_timeout(LOOK) {
+            match gathered(&self.messages, LOOK) {
                 Ok(message) => {
                     self.first.get_or_insert_with(Instant::now);
                     return Some(message);
@@ -121,10 +121,10 @@ impl LiveMessages for Queue {
                 Err(RecvTimeoutError::Disconnected) => return None,
             }
         }
-        // What came before the end and waits here is counted: a machine that was busy keeps it.
+        // What came before the end is counted: a machine that was busy keeps it.
         let end = *self.end.get_or_insert_with(now_ns);
-        let waits = self.messages.try_recv().ok();
-        waits.filter(|message| message.received_ns <= end)
+        let last = self.messages.recv_timeout(LAST).ok();
+        last.filter(|message| message.received_ns <= end)
     }
 }
 
@@ -228,15 +228,6 @@ fn written(domain: &Domain) -> Vec<String> {
     seen
 }
 
-/// Wakes the thread that waits for messages.
-struct Unpark(Thread);
-
-impl Wake for Unpark {
-    fn wake(self: Arc<Self>) {
-        self.0.unpark();
-    }
-}
-
 /// What the receiving thread has.
 struct Receiving {
     topic: String,
@@ -255,22 +246,28 @@ struct Receiving {
 
 impl Receiving {
     fn run(mut self, reader: &Reader) {
-        let waker = Waker::from(Arc::new(Unpark(thread::current())));
         let mut census: Option<Instant> = None;
-        while !self.until.is_over(None) {
+        // Looked at before messages are taken: what came before the end is taken, whenever this thread has a processor.
+        let mut is_over = false;
+        while !is_over {
+            is_over = self.until.is_over(None);
             if census.is_none_or(|last| last.elapsed() >= CENSUS) {
                 census = Some(Instant::now());
                 self.count_other_types();
             }
-            // Before messages are taken, so that one that comes meanwhile wakes.
-            reader.set_waker(Some(waker.clone()));
+            // Without it the middleware would be told nothing new.
             reader.drain_read_notifications();
             loop {
                 match reader.try_take_one() {
                     Ok(Some(change)) => {
                         let sequence = i64::from(change.sequence_number);
-                        let sent = change.source_timestamp().map(nanoseconds);
-                        if !self.take(change.writer_guid, sequence, sent, change.sample.0) {
+                        let received_ns = nanoseconds(change.receive_instant);
+                        let message = LiveMessage {
+                            received_ns,
+                            sent_ns: change.source_timestamp().map(nanoseconds),
+                            data: change.sample.0,
+                        };
+                        if !self.take(change.writer_guid, sequence, message) {
                             return;
                         }
                     }
@@ -278,7 +275,7 @@ impl Receiving {
                     Err(_) => self.counts.with(|tally| tally.unreadable += 1),
                 }
             }
-            thread::park_timeout(LOOK);
+            thread::sleep(GATHER);
         }
     }
 
@@ -295,24 +292,19 @@ impl Receiving {
     }
 
     /// Passes a message on; false once nobody takes them any more.
-    fn take(&mut self, writer: GUID, sequence: i64, sent_ns: Option<i64>, data: Vec<u8>) -> bool {
-        let received_ns = now_ns();
+    fn take(&mut self, writer: GUID, sequence: i64, message: LiveMessage) -> bool {
         let arrival = Arrival {
             writer,
             sequence,
-            received_ns,
+            received_ns: message.received_ns,
             right_type: self.has_right_type(writer),
-            readable: can_be(self.kind, &data),
+            readable: can_be(self.kind, &message.data),
         };
         let taken = self.counts.with(|tally| self.follower.take(arrival, tally));
         if !taken {
             return true;
         }
-        match self.send.try_send(LiveMessage {
-            received_ns,
-            sent_ns,
-            data,
-        }) {
+        match self.send.try_send(message) {
             Ok(()) => true,
             Err(TrySendError::Full(_)) => {
                 self.counts.with(|tally| {

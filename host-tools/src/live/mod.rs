@@ -38,6 +38,7 @@ pub use network::Network;
 pub use rest::{REST, RestError, resting_at};
 pub use text::lines;
 pub use until::Until;
+pub(crate) use until::gathered;
 
 use std::sync::{Arc, Mutex, PoisonError};
 

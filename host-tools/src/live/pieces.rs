@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Instant;
 
-use super::until::{LOOK, Until};
+use super::until::{LOOK, Until, gathered};
 
 /// Pieces that may wait; then whoever makes them waits.
 const WAITING: usize = 4096;
@@ -43,7 +43,7 @@ impl Read for Pieces {
             if self.until.is_over(self.first) {
                 return Ok(0);
             }
-            match self.pieces.recv_timeout(LOOK) {
+            match gathered(&self.pieces, LOOK) {
                 Ok(piece) => {
                     (self.piece, self.at) = (piece?, 0);
                     self.first.get_or_insert_with(Instant::now);

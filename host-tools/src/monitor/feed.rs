@@ -16,6 +16,7 @@ use crate::device::replay::settle;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Device, DeviceError, Requests, Robot};
 use crate::factors::Factors;
+use crate::live::gathered;
 
 /// Messages that may wait for who reads them. A device is never kept waiting by more: a board drops what its host does not take.
 const WAITING: usize = 4096;
@@ -117,7 +118,7 @@ impl Feed {
 
     /// The next that is told, if it comes within `patience`.
     pub fn next(&self, patience: Duration) -> Option<Told> {
-        match self.told.recv_timeout(patience) {
+        match gathered(&self.told, patience) {
             Ok(told) => Some(told),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => Some(Told::Ended(None)),

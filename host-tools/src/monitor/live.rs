@@ -11,7 +11,7 @@ use proprio_core::wire::Imu;
 use super::error::FeedError;
 use crate::device::replay::walk_step;
 use crate::device::{BusStep, RowSteps, WalkStep};
-use crate::live::{Counts, LiveError, Source, Until};
+use crate::live::{Counts, LiveError, Source, Until, gathered};
 use crate::log::{LogReader, Selection};
 use crate::model::Robot;
 
@@ -69,7 +69,7 @@ impl Live {
 
     /// What comes within `patience`.
     pub(super) fn next(&self, patience: Duration) -> Result<Step, FeedError> {
-        match self.steps.recv_timeout(patience) {
+        match gathered(&self.steps, patience) {
             Ok(step) => step,
             Err(RecvTimeoutError::Timeout) => Ok(Step::Silence),
             Err(RecvTimeoutError::Disconnected) => Ok(Step::End(Vec::new())),

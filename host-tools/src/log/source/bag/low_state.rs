@@ -28,8 +28,11 @@ pub(super) struct LowLevel {
     /// Length of a message with its header, bytes.
     length: usize,
     tick: Option<usize>,
-    cells: Vec<(String, usize, Number)>,
+    cells: Vec<Cell>,
 }
+
+/// A number's name, place and kind.
+type Cell = (String, usize, Number);
 
 /// The part of a state that is an array of motors.
 struct Motors {
@@ -45,27 +48,35 @@ struct Motors {
 impl LowLevel {
     /// Decodes messages of `kind`, if it is one of Unitree's that are read.
     pub(super) fn new(kind: &str) -> Option<Self> {
-        Some(match kind {
-            "unitree_go/msg/LowState" => Self::go(),
-            "unitree_hg/msg/LowState" => Self::hg(),
-            "unitree_go/msg/LowCmd" => Self {
-                kind: "unitree_go/msg/LowCmd",
-                length: HEADER + 808,
-                tick: None,
-                cells: commands(20, 24, 36),
-            },
-            "unitree_hg/msg/LowCmd" => Self {
-                kind: "unitree_hg/msg/LowCmd",
-                length: HEADER + 1000,
-                tick: None,
-                cells: commands(35, 4, 28),
-            },
+        let (kind, tick, cells) = match kind {
+            "unitree_go/msg/LowState" => ("unitree_go/msg/LowState", Some(1096), Self::go()),
+            "unitree_hg/msg/LowState" => ("unitree_hg/msg/LowState", Some(12), Self::hg()),
+            "unitree_go/msg/LowCmd" => ("unitree_go/msg/LowCmd", None, commands(20, 24, 36)),
+            "unitree_hg/msg/LowCmd" => ("unitree_hg/msg/LowCmd", None, commands(35, 4, 28)),
             _ => return None,
+        };
+        Some(Self {
+            kind,
+            length: Self::length(kind)?,
+            tick,
+            cells,
         })
     }
 
+    /// Length of a message of `kind` with its header, bytes, if it is one of Unitree's that are read.
+    pub(super) fn length(kind: &str) -> Option<usize> {
+        let fields = match kind {
+            "unitree_go/msg/LowState" => 1176,
+            "unitree_hg/msg/LowState" => 2088,
+            "unitree_go/msg/LowCmd" => 808,
+            "unitree_hg/msg/LowCmd" => 1000,
+            _ => return None,
+        };
+        Some(HEADER + fields)
+    }
+
     /// Of the quadrupeds and the H1: twenty motors, four feet.
-    fn go() -> Self {
+    fn go() -> Vec<Cell> {
         let mut cells = motors(&Motors {
             count: 20,
             q: 80,
@@ -75,16 +86,11 @@ impl LowLevel {
         });
         cells.extend(imu(24));
         cells.extend((0..4).map(|n| (format!("foot_force[{n}]"), 1080 + 2 * n, Number::I16)));
-        Self {
-            kind: "unitree_go/msg/LowState",
-            length: HEADER + 1176,
-            tick: Some(1096),
-            cells,
-        }
+        cells
     }
 
     /// Of the humanoids: 35 motors.
-    fn hg() -> Self {
+    fn hg() -> Vec<Cell> {
         let mut cells = motors(&Motors {
             count: 35,
             q: 72,
@@ -93,16 +99,11 @@ impl LowLevel {
             temperature: (16, Number::I16),
         });
         cells.extend(imu(16));
-        Self {
-            kind: "unitree_hg/msg/LowState",
-            length: HEADER + 2088,
-            tick: Some(12),
-            cells,
-        }
+        cells
     }
 }
 
-fn motors(motors: &Motors) -> Vec<(String, usize, Number)> {
+fn motors(motors: &Motors) -> Vec<Cell> {
     let of = |n: usize| {
         let q = motors.q + n * motors.stride;
         let (temperature, number) = motors.temperature;
@@ -118,7 +119,7 @@ fn motors(motors: &Motors) -> Vec<(String, usize, Number)> {
 }
 
 /// What `count` motors are asked to do: the first one's position is at `q`, the next motor's `stride` bytes on.
-fn commands(count: usize, q: usize, stride: usize) -> Vec<(String, usize, Number)> {
+fn commands(count: usize, q: usize, stride: usize) -> Vec<Cell> {
     let signals = [
         ("q", Number::Below(STOPS[0])),
         ("dq", Number::Below(STOPS[1])),
@@ -137,7 +138,7 @@ fn commands(count: usize, q: usize, stride: usize) -> Vec<(String, usize, Number
 }
 
 /// Attitude, angular velocity and specific force, one after the other.
-fn imu(first: usize) -> Vec<(String, usize, Number)> {
+fn imu(first: usize) -> Vec<Cell> {
     let parts = [("quaternion", 4), ("gyroscope", 3), ("accelerometer", 3)];
     let names = parts
         .into_iter()

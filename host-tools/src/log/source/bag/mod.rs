@@ -201,8 +201,8 @@ pub(in crate::log) fn can_be(kind: &str, data: &[u8]) -> bool {
     if check_encapsulation(data).is_err() {
         return false;
     }
-    match LowLevel::new(kind) {
-        Some(mut decoder) => decoder.take(data).unwrap_or(false),
+    match LowLevel::length(kind) {
+        Some(length) => data.len() == length,
         None => JointStates::is_whole(data),
     }
 }
