@@ -41,6 +41,7 @@ pub mod report;
 mod robust;
 mod rollout;
 mod select;
+mod signs;
 pub mod spectrum;
 pub mod summary;
 pub mod table;

@@ -119,12 +119,13 @@ def settings(random):
     return int(random.choice([250, 500, 1000])), float(random.choice([0.003, 0.01, 0.03]))
 
 
-def drawn(robot, random):
-    """A robot with its own bodies and drive, and a log's motion: the model, its joints, whether it is a leg, the share of noise, t, q, dq and ddq, the
+def drawn(robot, random, rate=None):
+    """At this rate, or one that is drawn: a robot with its own bodies and drive, and a log's motion: the model, its joints, whether it is a leg, the share of noise, t, q, dq and ddq, the
     bodies' torque, the drive."""
     model, names = load(robot)
     is_leg = robot == "Go2's leg"
-    rate, noise = settings(random)
+    own_rate, noise = settings(random)
+    rate = rate or own_rate
     course = motion(model, is_leg, rate, random)
     scattered(model, random)
     tau = torque(model, *course[1:])

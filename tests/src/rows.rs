@@ -60,6 +60,14 @@ impl Rows {
 
     /// Adds normal noise of a standard deviation to all columns of a channel, such as `q`.
     pub fn add_noise(&mut self, channel: &str, deviation: f64, seed: u64) {
+        self.change(channel, seed, |random, x| {
+            let noise: f64 = StandardNormal.sample(random);
+            x + deviation * noise
+        });
+    }
+
+    /// Changes each number of all columns of a channel, such as `q`, by what is drawn.
+    pub fn change(&mut self, channel: &str, seed: u64, with: impl Fn(&mut ChaCha8Rng, f64) -> f64) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let of_channel = |name: &String| name.split('/').next() == Some(channel);
         let places: Vec<usize> = (0..self.names.len())
@@ -67,8 +75,7 @@ impl Rows {
             .collect();
         for row in &mut self.rows {
             for &n in &places {
-                let noise: f64 = StandardNormal.sample(&mut random);
-                row[n] += deviation * noise;
+                row[n] = with(&mut random, row[n]);
             }
         }
     }

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use proprio_host::model::{Model, ModelEffect};
 use proprio_tests::command::{done, json, refusal, simulated, steps};
-use proprio_tests::rows::with_noisy_encoders;
+use proprio_tests::rows::{Rows, with_noisy_encoders};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal, StudentT};
 use tempfile::TempDir;
 
 /// A robot whose joints no log has.
@@ -296,5 +298,37 @@ fn noise_of_encoders_is_no_effect() {
             "{seed}: {}",
             found["outside_catalogue"]
         );
+    }
+}
+
+/// A torque whose noise has heavy tails, or grows with it: what is large at some moments and follows nothing. The floor is known.
+#[test]
+fn noise_of_torque_is_no_effect() {
+    let heavy: fn(&mut ChaCha8Rng, f64) -> f64 = |random, tau| {
+        let tails = StudentT::new(2.5).expect("degrees of freedom");
+        tau + 0.02 * tails.sample(random)
+    };
+    let grows: fn(&mut ChaCha8Rng, f64) -> f64 = |random, tau| {
+        let normal: f64 = StandardNormal.sample(random);
+        tau * (1.0 + 0.06 * normal)
+    };
+    for (seed, noise) in [(1, grows), (2, heavy), (3, grows), (4, heavy)] {
+        let folder = simulated(&format!(
+            "--legs FR --typical --inertia-error 0.05 --seed {seed}"
+        ));
+        let path = folder.path().join("log.csv");
+        let mut log = Rows::read(&path);
+        log.change("tau", seed, noise);
+        log.write(&path);
+        let add = "add viscous coulomb armature bias -m model.toml";
+        done(folder.path(), &add.split(' ').collect::<Vec<_>>());
+        let diagnose = ["diagnose", "log.csv", "-m", "model.toml", "--json"];
+        let found = json(&done(folder.path(), &diagnose));
+        assert_eq!(
+            found["verdict"], "complete",
+            "{seed}: {}",
+            found["outside_catalogue"]
+        );
+        assert!(found["error"]["floor"].is_number(), "{}", found["error"]);
     }
 }

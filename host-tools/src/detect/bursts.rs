@@ -12,8 +12,13 @@ use crate::robust::{self, median};
 const BURST_SHARE: f64 = 0.3;
 /// Residuals larger than this are part of a burst, standard deviations.
 const LARGE: f64 = 3.0;
-/// Fewer windows of bursts are chance.
+/// Fewer windows of bursts are no law.
 const LEAST_WINDOWS: usize = 10;
+/// What acts is there for longer than a window: of so many pairs of neighbours for each window, the signs are the same. A reading that jumps is large in
+/// one window, and in two where it is the last sample of the one and the first of the other, which at most every fourth is.
+const LASTING: f64 = 0.5;
+/// Signs that follow something do so by so many standard deviations of drawn ones.
+const SURE: f64 = 3.0;
 /// Bursts lie at a speed or a position if it is this much less than the joint's usual one, or scattered that much less.
 const NARROW: f64 = 0.35;
 
@@ -42,25 +47,83 @@ impl Bursts {
     }
 }
 
+/// What comes at some moments only.
+pub(crate) struct Moments {
+    /// Its windows.
+    pub(crate) windows: Vec<usize>,
+    /// Whether something acts: in many windows, at a place or for more than one. Else readings jump, or something knocks.
+    pub(crate) lasts: bool,
+    /// In words.
+    pub(crate) words: String,
+}
+
 /// What is said of a joint whose error comes in bursts; `None` for one without. Each window is in `doubt` by so many times its noise more.
-pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<String> {
-    let against_noise = series
-        .residual
-        .iter()
-        .zip(doubt)
-        .map(|(r, doubt)| r / doubt.hypot(1.0));
-    // Over a lost message means are rough.
-    let whole = against_noise.enumerate().filter(|(w, _)| series.whole[*w]);
-    let bursts = Bursts::of(&whole.collect::<Vec<_>>())?;
-    if bursts.share < BURST_SHARE || bursts.large.len() < LEAST_WINDOWS {
+pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<Moments> {
+    let against_noise = (series.residual.iter().zip(doubt))
+        .map(|(r, doubt)| r / doubt.hypot(1.0))
+        .enumerate();
+    let mut bursts = Bursts::of(&against_noise.clone().collect::<Vec<_>>())?;
+    if bursts.share < BURST_SHARE {
         return None;
     }
-    let place = place(series, &bursts.large).unwrap_or_default();
-    Some(format!(
-        "the error comes in bursts{place}: {:.1} % of the windows carry {:.0} % of its square; the catalogue has nothing that acts so",
-        100.0 * bursts.large.len() as f64 / series.residual.len() as f64,
-        100.0 * bursts.carried,
-    ))
+    // Over a lost message means are rough: what is large there is no law.
+    let whole = against_noise.filter(|(w, _)| series.whole[*w]);
+    let acting = Bursts::of(&whole.collect::<Vec<_>>()).and_then(|bursts| {
+        let place = place(series, &bursts.large);
+        let is_law = bursts.share >= BURST_SHARE
+            && bursts.large.len() >= LEAST_WINDOWS
+            && (place.is_some() && follows(series, &bursts.large)
+                || lasting(&series.residual, &bursts.large) >= LASTING);
+        is_law.then(|| (bursts, place.unwrap_or_default()))
+    });
+    let lasts = acting.is_some();
+    let words = |bursts: &Bursts| {
+        format!(
+            "{:.1} % of the windows carry {:.0} % of its square",
+            100.0 * bursts.large.len() as f64 / series.residual.len() as f64,
+            100.0 * bursts.carried,
+        )
+    };
+    let words = match acting {
+        Some((acting, place)) => {
+            bursts = acting;
+            let carry = words(&bursts);
+            format!(
+                "the error comes in bursts{place}: {carry}; the catalogue has nothing that acts so"
+            )
+        }
+        None => format!(
+            "{}: {}, and follow nothing: noise that is larger at times, readings of torque that jump, or knocks",
+            series.joint,
+            words(&bursts)
+        ),
+    };
+    Some(Moments {
+        windows: bursts.large,
+        lasts,
+        words,
+    })
+}
+
+/// The share of large residuals with a neighbour of their sign, less that with one of the other.
+fn lasting(residual: &[f64], large: &[usize]) -> f64 {
+    let pairs = large.windows(2).filter(|two| two[1] == two[0] + 1);
+    let alike = pairs.map(|two| (residual[two[0]] * residual[two[1]]).signum());
+    2.0 * alike.sum::<f64>() / large.len().max(1) as f64
+}
+
+/// Whether the signs of large residuals are one, or follow the direction of motion or of the acceleration: those of noise that is larger at some places
+/// are drawn.
+fn follows(series: &JointSeries, large: &[usize]) -> bool {
+    let change = |w: usize| {
+        let next = (w + 1).min(series.dq.len() - 1);
+        series.dq[next] - series.dq[w.saturating_sub(1)]
+    };
+    let of: [&dyn Fn(usize) -> f64; 3] = [&|_| 1.0, &|w| series.dq[w], &change];
+    of.iter().any(|x| {
+        let signs = large.iter().map(|&w| (series.residual[w] * x(w)).signum());
+        signs.sum::<f64>().abs() >= SURE * (large.len() as f64).sqrt()
+    })
 }
 
 /// Where the windows of bursts are, if they are anywhere.
@@ -113,7 +176,8 @@ mod tests {
 
     /// The bursts of a joint of which nothing is in doubt.
     fn found(series: &JointSeries) -> Option<String> {
-        bursts(series, &vec![0.0; series.residual.len()])
+        let moments = bursts(series, &vec![0.0; series.residual.len()])?;
+        moments.lasts.then_some(moments.words)
     }
 
     #[test]
@@ -129,7 +193,23 @@ mod tests {
             .dq
             .iter()
             .map(|dq| if dq.abs() < 0.2 { 6.7 } else { 0.0 });
-        assert_eq!(bursts(&series, &turns.collect::<Vec<_>>()), None);
+        assert!(bursts(&series, &turns.collect::<Vec<_>>()).is_none());
+    }
+
+    #[test]
+    fn readings_that_jump_are_alone_and_what_lasts_is_not() {
+        let mut series = joint(|_, _| 0.0);
+        let at = |k: usize| 37 * k + (k * k) % 11;
+        for k in 0..50 {
+            series.residual[at(k)] = if k % 2 == 0 { 0.5 } else { -0.5 };
+        }
+        let doubt = vec![0.0; series.residual.len()];
+        let alone = bursts(&series, &doubt).unwrap();
+        assert!(!alone.lasts && (0..50).all(|k| alone.windows.contains(&at(k))));
+        for k in 0..50 {
+            series.residual[at(k) + 1] = series.residual[at(k)];
+        }
+        assert!(found(&series).is_some());
     }
 
     #[test]

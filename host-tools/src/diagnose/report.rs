@@ -14,7 +14,7 @@ use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::ladder::Yardsticks;
 use crate::detect::load_change::{self, LoadChange};
-use crate::detect::residual;
+use crate::detect::residual::{self, Criticism};
 use crate::detect::series::JointSeries;
 use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
@@ -24,6 +24,7 @@ use crate::identify::model_fit::parameters;
 use crate::parallel::{by_number, side_by_side};
 use crate::parameter;
 use crate::select::candidate::Member;
+use crate::select::criteria::step::is_by_noise;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::select::ranking::Judged;
@@ -37,13 +38,31 @@ pub(super) struct Left {
     pub(super) words: String,
 }
 
+/// What is left of all joints.
+pub(super) struct Outside {
+    /// What may be an effect that the catalogue does not have.
+    pub(super) told: Vec<Left>,
+    /// Windows that are large alone, in words.
+    pub(super) alone: Vec<String>,
+}
+
+/// What is said of a joint of a complete model.
+struct ByNoise {
+    /// The share of the squared error that has structure.
+    structure: f64,
+    /// The share that a black box takes.
+    share: f64,
+    /// How far the motion alone has each of the joint's windows off, N m.
+    off: Vec<f64>,
+}
+
 /// What was found, in values and words; of what is left `outside` the catalogue, and the formulas found for it.
-pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula>) -> Diagnosis {
+pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormula>) -> Diagnosis {
     let mut candidates = d.contacts();
     candidates.extend(d.catalogued());
     let joints = d.joint_errors();
     let (held_out_rms, log_rms, path) = path(d);
-    let outside_catalogue: Vec<String> = (outside.iter())
+    let outside_catalogue: Vec<String> = (outside.told.iter())
         .map(|left| format!("{}: {}", left.joint, left.words))
         .collect();
     let still: Vec<&str> = (joints.iter())
@@ -112,6 +131,7 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
             .chain(contact_words(&stands, d.base_moves))
+            .chain(outside.alone.iter().cloned())
             .collect(),
     }
 }
@@ -316,25 +336,24 @@ impl Diagnosed<'_> {
             .collect()
     }
 
-    /// What the catalogue's effects leave, joint by joint, where it is more than noise.
-    pub(super) fn outside(&self) -> Vec<Left> {
+    /// What the catalogue's effects leave, joint by joint, where it is more than noise: of the torque and of the motion.
+    pub(super) fn outside(&self) -> Outside {
         let (mut series, mut drifting, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut places: Vec<(usize, usize)> = Vec::new();
         let fits: Vec<_> = self.found.end.fits.iter().enumerate().collect();
-        let left = side_by_side(&fits, |(limb, fit)| {
+        let left = side_by_side(&fits, |(_, fit)| {
             let below = fit.below_limits();
             let predicted = below.with_unfollowed(&fit.values, fit.predicted_held_out()?);
-            let taken = |joint: usize| {
-                let taken = Explained::of(&below, &predicted, joint)?;
-                Some((self.name(*limb, joint), text::black_box(&taken)?))
-            };
+            let taken = |joint: usize| Explained::of(&below, &predicted, joint);
             let boxes = by_number(0..below.joints(), taken);
-            let boxes: Vec<_> = boxes.into_iter().flatten().collect();
             let own = JointSeries::of(&below, &predicted).into_iter().enumerate();
             let own = own.map(|(joint, series)| (series, fit.doubt(&below, joint)));
             Some((own.collect::<Vec<_>>(), boxes))
         });
         for ((limb, fit), left) in fits.into_iter().zip(left) {
             let Some((own, taken)) = left else { continue };
+            let joint = |joint: usize| (limb, joint);
+            places.extend((0..own.len()).map(joint));
             series.extend(own);
             boxes.extend(taken);
             let by_log = fit.data.blocks.by_log;
@@ -344,11 +363,38 @@ impl Diagnosed<'_> {
         for ((series, _), ladder) in series.iter_mut().zip(&self.ladder) {
             series.noise = ladder.noise;
         }
+        let (mut lasting, mut alone) = (Vec::new(), Vec::new());
+        for (series, doubt) in &mut series {
+            let moments = bursts(series, doubt);
+            if let Some(moments) = moments.as_ref().filter(|moments| !moments.lasts) {
+                // They tell of themselves, and nothing of what the others have in common.
+                (moments.windows.iter()).for_each(|&w| series.residual[w] = 0.0);
+                alone.push(moments.words.clone());
+            }
+            lasting.push(moments.filter(|moments| moments.lasts));
+        }
         let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
-        let left = residual::criticise(&views)
-            .into_iter()
-            .filter(|joint| joint.structure() > STRUCTURE);
-        let structures = left.map(|joint| {
+        let criticism = residual::criticise(&views);
+        let by_noise = self.by_noise(&places, &|joint| {
+            criticism[joint].structure() > STRUCTURE
+                || lasting[joint].is_some()
+                || boxes[joint].as_ref().and_then(text::black_box).is_some()
+        });
+        let is_more = |joint: usize, share: f64, noise: &dyn Fn(&ByNoise) -> f64| {
+            let by_noise = by_noise[joint].as_ref().map_or(0.0, noise);
+            !is_by_noise(by_noise, share)
+        };
+        let lasting = lasting.into_iter().enumerate().filter_map(|(k, moments)| {
+            let (own, moments) = (&series[k].0, moments?);
+            let square = |all: &[f64]| moments.windows.iter().map(|&w| all[w].powi(2)).sum();
+            let is_more = is_more(k, square(&own.residual), &|noise| square(&noise.off));
+            is_more.then(|| (own.joint.clone(), moments.words))
+        });
+        let left = criticism.iter().enumerate().filter(|(k, joint)| {
+            let share = joint.structure();
+            share > STRUCTURE && is_more(*k, share, &|noise| noise.structure)
+        });
+        let structures = left.map(|(_, joint)| {
             let share = 100.0 * joint.structure();
             let place = joint
                 .patterns
@@ -359,8 +405,12 @@ impl Diagnosed<'_> {
             );
             (joint.joint.clone(), words)
         });
-        let bursts = (series.iter())
-            .filter_map(|(series, doubt)| Some((series.joint.clone(), bursts(series, doubt)?)));
+        let boxes = boxes.iter().enumerate().filter_map(|(k, taken)| {
+            let taken = taken.as_ref()?;
+            let is_more = is_more(k, taken.share, &|noise| noise.share);
+            let joint = series[k].0.joint.clone();
+            Some((joint, text::black_box(taken).filter(|_| is_more)?))
+        });
         let total: f64 = self.found.end.squares.iter().map(|s| s.total()).sum();
         let unphysical = self.found.unphysical.iter().map(|judged| {
             let candidate = self.candidate(judged, total);
@@ -380,7 +430,7 @@ impl Diagnosed<'_> {
         // One sentence a joint: they are of one cause, the first says most.
         for (joint, words) in (structures.chain(boxes))
             .chain(drifting)
-            .chain(bursts)
+            .chain(lasting)
             .chain(unphysical)
         {
             if resolved.contains(&joint) {
@@ -390,7 +440,54 @@ impl Diagnosed<'_> {
                 told.push(Left { joint, words });
             }
         }
-        told
+        Outside { told, alone }
+    }
+
+    /// Of joints, by limb and number, what is said of those `asked` for where the model is complete and its motion measured once more.
+    fn by_noise(
+        &self,
+        places: &[(usize, usize)],
+        asked: &dyn Fn(usize) -> bool,
+    ) -> Vec<Option<ByNoise>> {
+        let asked: Vec<bool> = (0..places.len()).map(asked).collect();
+        let mut limbs: Vec<usize> = places.iter().map(|place| place.0).collect();
+        limbs.dedup();
+        let of = |&limb: &usize| {
+            let first = places.iter().position(|place| place.0 == limb)?;
+            let fit = &self.found.end.fits[limb];
+            let own = || first..first + fit.data.joints();
+            if !own().any(|joint| asked[joint]) {
+                return None;
+            }
+            let (again, [predicted, off]) = fit.below_limits().as_if_complete(&fit.values);
+            let n = again.joints();
+            let off = |joint: usize| -> Vec<f64> {
+                let counting = (0..again.left_out.len()).filter(|&w| again.counts(w, joint));
+                counting.map(|w| off[w * n + joint]).collect()
+            };
+            let predicted = again.with_unfollowed(&fit.values, predicted);
+            let mut series = JointSeries::of(&again, &predicted);
+            for (series, joint) in series.iter_mut().zip(own()) {
+                series.noise = self.ladder[joint].noise;
+            }
+            let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+            let structures = residual::criticise(&views).into_iter();
+            let of = |(joint, criticism): (usize, Criticism)| ByNoise {
+                off: off(joint),
+                structure: criticism.structure(),
+                share: Explained::of(&again, &predicted, joint).map_or(0.0, |taken| taken.share),
+            };
+            Some(structures.enumerate().map(of).collect::<Vec<_>>())
+        };
+        let found = side_by_side(&limbs, of);
+        let joints = limbs.iter().zip(found).flat_map(|(limb, found)| {
+            let count = places.iter().filter(|place| place.0 == *limb).count();
+            match found {
+                Some(found) => found.into_iter().map(Some).collect::<Vec<_>>(),
+                None => (0..count).map(|_| None).collect(),
+            }
+        });
+        joints.collect()
     }
 
     /// Of each limb the load that comes or goes within the log, if one does.

@@ -90,6 +90,21 @@ impl Motion {
         motion
     }
 
+    /// The same windows of the same motion, measured once more ([`LimbRecording::measured_again`]).
+    pub(crate) fn measured_again(&self, recording: &LimbRecording, velocity_gain: &[f64]) -> Self {
+        Self {
+            joints: self.joints,
+            time: self.time.clone(),
+            stretches: self.stretches.clone(),
+            joint: recording.measured_again(&self.joint, velocity_gain),
+            links: self.links.clone(),
+            temperature: self.temperature.clone(),
+            windows: self.windows.clone(),
+            coarse: self.coarse,
+            loads: Loads::default(),
+        }
+    }
+
     /// The same with a window around each sample, from the one before to the one after, whose time is the sample's own: for series at the
     /// log's rate. The first and last sample of a stretch have none.
     pub(crate) fn at_samples(

@@ -20,6 +20,7 @@ use crate::parallel::by_number;
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
 use crate::predict::{self, LooseLink, predict};
 use crate::recording::LimbRecording;
+use crate::signs::Signs;
 
 /// A limb's data. Made once; fits read them. A copy shares them.
 #[derive(Clone)]
@@ -219,6 +220,43 @@ impl<'a> LimbData<'a> {
     pub(crate) fn predicted(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let chosen = |w: usize| chosen(w) && !self.left_out[w];
         predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
+    }
+
+    /// What a complete model of these values would have left of the same motion, measured once more: the torque is what the model says, with what is left
+    /// of the measured one as noise, each window's with a sign that is drawn and so much of it that no more is left than was. Beside it what the model
+    /// then predicts, and how far that is off for the motion alone, N m.
+    pub(crate) fn as_if_complete(&self, values: &Values) -> (Self, [Vec<f64>; 2]) {
+        let n = self.joints();
+        let motion = self
+            .motion
+            .measured_again(self.recording, &self.velocity_gain);
+        let mut again = Self {
+            motion: Arc::new(motion),
+            integrals: Arc::default(),
+            directions: Arc::default(),
+            ..self.clone()
+        };
+        let (once, twice) = (
+            self.predicted(values, &|_| true),
+            again.predicted(values, &|_| true),
+        );
+        let squares = |of: &dyn Fn(usize) -> f64, joint: usize| -> f64 {
+            let counting = (0..self.left_out.len()).filter(|&w| self.counts(w, joint));
+            counting.map(|w| of(w * n + joint).powi(2)).sum()
+        };
+        let left = |k: usize| self.torque[k] - once[k];
+        let share = |joint: usize| {
+            let by_motion = squares(&|k| twice[k] - once[k], joint);
+            let all = squares(&left, joint).max(f64::MIN_POSITIVE);
+            (1.0 - by_motion / all).max(0.0).sqrt()
+        };
+        let shares: Vec<f64> = (0..n).map(share).collect();
+        let mut signs = Signs::new();
+        let torque = (0..once.len()).map(|k| once[k] + shares[k % n] * signs.of(left(k)));
+        again.torque = Arc::new(torque.collect());
+        let off = once.iter().zip(&twice).map(|(once, twice)| once - twice);
+        let off = off.collect();
+        (again, [twice, off])
     }
 
     /// What the CAD's rigid body alone predicts, from velocities as they were reported, N m.

@@ -8,6 +8,7 @@ use crate::log::Channel;
 use crate::log::{BRIDGED, Periods};
 use crate::once::made_once;
 use crate::parallel::by_number;
+use crate::signs::Signs;
 use crate::trajectory::{Stretch, Trajectory};
 
 /// s.
@@ -148,6 +149,45 @@ impl LimbRecording {
         };
         let motions: Vec<Stretch> = self.motions().into_iter().map(of).collect();
         Trajectory::of(&motions, self.period())
+    }
+
+    /// The trajectories as they would be told if the same motion were measured once more: what smoothing left of each reading is added to `smooth` with
+    /// a sign that is drawn (the wild bootstrap; Wu 1986, Annals of Statistics 14:1261), and smoothed again. Smoothing has let a part of the noise pass,
+    /// so that what it left is made as large as the channel's noise is.
+    pub(crate) fn measured_again(
+        &self,
+        smooth: &[Trajectory],
+        velocity_gain: &[f64],
+    ) -> Arc<Vec<Trajectory>> {
+        let mut again = self.clone();
+        let mut signs = Signs::new();
+        let n = self.joints;
+        let smooth_at = |k: usize| {
+            let [position, velocity, ..] = smooth[k % n].state[k / n];
+            [position, velocity * velocity_gain[k % n]]
+        };
+        let larger = |joint: usize| {
+            let mut squares = [0.0; 2];
+            for k in (joint..self.q.len()).step_by(n) {
+                let [position, velocity] = smooth_at(k);
+                squares[0] += (self.q[k] - position).powi(2);
+                squares[1] += (self.dq[k] - velocity).powi(2);
+            }
+            [0, 1].map(|channel| {
+                let left = (squares[channel] / self.len() as f64).sqrt();
+                f64::max(
+                    1.0,
+                    smooth[joint].noise[channel] / left.max(f64::MIN_POSITIVE),
+                )
+            })
+        };
+        let larger: Vec<[f64; 2]> = (0..n).map(larger).collect();
+        for (k, (q, dq)) in again.q.iter_mut().zip(&mut again.dq).enumerate() {
+            let ([position, velocity], larger) = (smooth_at(k), larger[k % n]);
+            *q = position + larger[0] * signs.of(*q - position);
+            *dq = velocity + larger[1] * signs.of(*dq - velocity);
+        }
+        again.trajectories(velocity_gain)
     }
 
     /// Replaces position (rad), velocity (rad/s) and torque (N m) of each sample and joint.

@@ -2,7 +2,8 @@
 
 use super::candidate::{Candidate, Member};
 use super::criteria::step::{
-    HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step, may_take_away,
+    HeldOut, LEAST_SHARE, are_most, is_better, is_by_noise, is_held, is_of_all_folds,
+    is_worth_a_step, may_take_away,
 };
 use super::fitted::Fitted;
 use super::score_test::Screen;
@@ -120,6 +121,65 @@ impl<'a> Context<'_, 'a> {
         let is_there =
             |m: &&Member| is_held(after.size(m)) && after.tells_shape(m) && after.is_likely(m);
         let held = members.iter().filter(is_there).count();
-        are_most(held, members.len()).then_some(after)
+        let is_there = are_most(held, members.len())
+            && (!candidate.effect.description().is_compliant()
+                || self.is_everywhere(&after) && !self.is_by_noise(members, &after));
+        is_there.then_some(after)
+    }
+
+    /// Whether what a model `after` a step takes away is a law of the whole log, by the spread over its folds: no column has judged a spring or a play that
+    /// is sought by trying, and what few moments ask for it gives way to.
+    fn is_everywhere(&self, after: &State) -> bool {
+        let by_fold = |model: &State| -> Vec<f64> {
+            let folds = model
+                .squares
+                .iter()
+                .map(|squares| squares.cells.len())
+                .max();
+            let of = |fold: usize| {
+                let limbs = model.squares.iter().zip(&self.model.fits);
+                let joints = limbs.filter_map(|(squares, fit)| {
+                    let own = squares.cells.get(fold)?.iter().zip(&fit.noise);
+                    Some(
+                        own.map(|(square, noise)| square / (noise * noise))
+                            .sum::<f64>(),
+                    )
+                });
+                joints.sum()
+            };
+            (0..folds.unwrap_or(0)).map(of).collect()
+        };
+        let folds = by_fold(self.model).into_iter().zip(by_fold(after));
+        is_of_all_folds(
+            &folds
+                .map(|(before, after)| before - after)
+                .collect::<Vec<_>>(),
+        )
+    }
+
+    /// Whether noise of the motion makes what springs or plays of a limb take away `after` they were fitted: they take as much of what a model without them
+    /// would have left of the same motion, measured once more.
+    fn is_by_noise(&self, members: &[Member], after: &State) -> bool {
+        let limb = members[0].0;
+        if members.iter().any(|member| member.0 != limb) {
+            return false;
+        }
+        let before = &self.model.fits[limb];
+        let data = [before.data.as_if_complete(&before.values).0];
+        let places: Vec<Place> = before.values.places().collect();
+        let new: Vec<Place> = members.iter().map(|member| member.1).collect();
+        let with = [&places[..], &new].concat();
+        let start = [after.fits[limb].values.clone()];
+        let Some(complete) = State::of(&data, &[places]) else {
+            return false;
+        };
+        let Some(fitted) = complete.with(&data, &[with], &start, &new) else {
+            return false;
+        };
+        let left = |model: &State, limb: usize| model.squares[limb].weighted(&before.noise);
+        is_by_noise(
+            left(&complete, 0) - left(&fitted, 0),
+            left(self.model, limb) - left(after, limb),
+        )
     }
 }

@@ -57,6 +57,8 @@ pub(super) struct Channels {
     pub(super) timing: f64,
     /// Time between samples, s.
     pub(super) period: f64,
+    /// Standard deviations of white noise of position, rad, and velocity, rad/s; zero where no spectrum tells them.
+    pub(super) white: [f64; 2],
 }
 
 /// Σ |V|² and Σ |D|² at one frequency.
@@ -123,6 +125,7 @@ impl Channels {
             velocity: std(velocity).hypot(scaled).max(least),
             position: position_of_all,
             period,
+            white: [std(position), std(velocity)],
         }
     }
 }
@@ -141,6 +144,7 @@ impl Channels {
             standing: position,
             timing: 0.0,
             period,
+            white: [0.0; 2],
         }
     }
 }

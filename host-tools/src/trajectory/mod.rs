@@ -53,6 +53,8 @@ pub(crate) struct Trajectory {
     /// What smoothing what was left of the channels gave the velocity back at each sample, rad/s: as far off as the velocity may still be where the joint
     /// moves faster than its channels' noise lets one follow.
     pub(crate) regained: Vec<f64>,
+    /// Standard deviations of white noise of the channels: of the position, rad, and the velocity, rad/s; zero where they are not known.
+    pub(crate) noise: [f64; 2],
     /// The velocity near standstill: about a reversal it stands for the *sign* (see [`speed`]), rad/s.
     pub(crate) speed: Vec<f64>,
     /// Speed below which the sign may be noise, rad/s.
@@ -148,6 +150,7 @@ impl Trajectory {
             speed,
             speed_noise,
             rest: (2.0 * speed_noise).max(RESTING * fast),
+            noise: channels.white,
         }
     }
 }

@@ -34,6 +34,8 @@ pub enum NoiseMethod {
         /// Length of a period, s.
         period: f64,
     },
+    /// From all that a model leaves, where too few windows are neighbours.
+    Everything,
     /// From second differences of neighbouring windows.
     HighFrequency {
         /// Correlation of neighbouring windows' noise, −0.5 to 0.5.
@@ -67,6 +69,7 @@ impl fmt::Display for NoiseFloor {
             NoiseMethod::RepeatedPeriods { period } => {
                 write!(f, "from what differs between periods of {period:.2} s")
             }
+            NoiseMethod::Everything => write!(f, "from all that is left"),
             NoiseMethod::HighFrequency { .. } => {
                 write!(f, "from differences of neighbouring windows")
             }
@@ -131,7 +134,10 @@ fn jackknife(stretches: &[Sums], estimate: impl Fn(&Sums) -> f64) -> (f64, f64) 
     let all = stretches
         .iter()
         .fold(Sums::default(), |all, s| all.plus(s, 1.0));
-    let used: Vec<&Sums> = stretches.iter().filter(|s| s.count[0] > 0.0).collect();
+    let used: Vec<&Sums> = stretches
+        .iter()
+        .filter(|s| s.count[0] + s.squares[1] > 0.0)
+        .collect();
     let without: Vec<f64> = used.iter().map(|s| estimate(&all.plus(s, -1.0))).collect();
     let count = without.len() as f64;
     let mean = without.iter().sum::<f64>() / count;
@@ -161,7 +167,14 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
         }
     }
     if stretches.iter().map(|s| s.count[3]).sum::<f64>() < LEAST as f64 / 2.0 {
-        return None;
+        // A joint that turns round every few windows has too few neighbours: the noise is no more than all that is left.
+        let (rms, rms_std) = jackknife(&stretches, |sums| sums.square().sqrt());
+        return Some(NoiseFloor {
+            rms,
+            rms_std,
+            upper_bound: true,
+            method: NoiseMethod::Everything,
+        });
     }
     let above = |sums: &Sums| (sums.square() - moving_average(sums)[0]).max(0.0);
     // Without structure the mean square tells the variance best, and what differs is the error of the other (Hausman 1978).

@@ -1,6 +1,7 @@
 //! Whether a model that was fitted is worth a step: judged by what it predicts of data that it has not seen.
 
 use super::presence::{LEAST_EFFECT, RESOLUTION, STRUCTURE};
+use super::statistics::sum_and_error;
 
 /// Most steps of a search.
 const MOST_STEPS: usize = 40;
@@ -25,8 +26,16 @@ const FAR_FROM_NOISE: f64 = 4.0;
 /// takes a part of something else. Of logs with a cause outside the catalogue (studies/pinocchio/outside.py) most such effects take 0.1 to 0.5.
 const LEAST_PART: f64 = 0.5;
 
+/// What is said of a log, or taken by an effect, is made by noise of the motion where that alone makes so much of it. Where a cause makes it, a complete
+/// model has nothing of it. Where noise does, noise that is added to the log's own is told half as well as that, for what is regressed on has both; a
+/// draw of it, to a third and better.
+const MOST_BY_NOISE: f64 = 1.0 / 3.0;
+
 /// An effect takes less than this share of all that it takes, in units of the noise, at joints that others depend on.
 const A_LITTLE: f64 = 0.1;
+
+/// Fewer folds have no spread.
+const LEAST_FOLDS: usize = 4;
 
 /// How a model predicts what it has not seen: sums of squares over all limbs.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,6 +124,17 @@ pub(crate) fn is_stand_in(joints: &[(f64, f64, f64)]) -> bool {
     own.all(|(without, with, noise)| {
         is_far_from_noise(*with, *noise) && !explains_most(*without, *with, *noise)
     })
+}
+
+/// Whether what a step takes of each fold is of them all and not of one or two, by their spread; of too few nothing is asked.
+pub(crate) fn is_of_all_folds(gains: &[f64]) -> bool {
+    let (gain, error) = sum_and_error(gains);
+    gains.len() < LEAST_FOLDS || is_held(gain / error)
+}
+
+/// Whether noise of the motion makes what something `takes`, where that alone has it take `by_noise`.
+pub(crate) fn is_by_noise(by_noise: f64, takes: f64) -> bool {
+    by_noise >= MOST_BY_NOISE * takes
 }
 
 /// Whether what has brought squares from `without` to `with` explains most of what they had above their `noise`.
