@@ -394,7 +394,7 @@ fn judge(
     let outside = diagnosed.outside();
     let joints = match reach.catalogue_only {
         true => Vec::new(),
-        false => diagnosed.unresolved(),
+        false => diagnosed.unresolved(&outside),
     };
     let formulas = formulas::find(&mut diagnosed, data, &joints);
     let outside = match formulas.is_empty() {

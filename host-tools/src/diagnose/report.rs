@@ -44,6 +44,8 @@ pub(super) struct Outside {
     pub(super) told: Vec<Left>,
     /// Windows that are large alone, in words.
     pub(super) alone: Vec<String>,
+    /// Joints of which all that could be told is noise.
+    pub(super) noise: Vec<String>,
 }
 
 /// What is said of a joint of a complete model.
@@ -363,26 +365,30 @@ impl Diagnosed<'_> {
         for ((series, _), ladder) in series.iter_mut().zip(&self.ladder) {
             series.noise = ladder.noise;
         }
-        let (mut lasting, mut alone) = (Vec::new(), Vec::new());
+        let (mut lasting, mut alone, mut rest) = (Vec::new(), Vec::new(), Vec::new());
         for (series, doubt) in &mut series {
             let moments = bursts(series, doubt);
+            let before = series.rms();
             if let Some(moments) = moments.as_ref().filter(|moments| !moments.lasts) {
                 // They tell of themselves, and nothing of what the others have in common.
                 (moments.windows.iter()).for_each(|&w| series.residual[w] = 0.0);
                 alone.push(moments.words.clone());
             }
+            rest.push((series.rms() / before.max(f64::MIN_POSITIVE)).powi(2));
             lasting.push(moments.filter(|moments| moments.lasts));
         }
         let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
         let criticism = residual::criticise(&views);
-        let by_noise = self.by_noise(&places, &|joint| {
-            criticism[joint].structure() > STRUCTURE
+        let structure = |joint: usize| rest[joint] * criticism[joint].structure();
+        let may_be_told = |joint: usize| {
+            structure(joint) > STRUCTURE
                 || lasting[joint].is_some()
                 || boxes[joint].as_ref().and_then(text::black_box).is_some()
-        });
+        };
+        let asked: Vec<bool> = (0..places.len()).map(may_be_told).collect();
+        let by_noise = self.by_noise(&places, &asked);
         let is_more = |joint: usize, share: f64, noise: &dyn Fn(&ByNoise) -> f64| {
-            let by_noise = by_noise[joint].as_ref().map_or(0.0, noise);
-            !is_by_noise(by_noise, share)
+            !is_by_noise(by_noise[joint].as_ref().map_or(0.0, noise), share)
         };
         let lasting = lasting.into_iter().enumerate().filter_map(|(k, moments)| {
             let (own, moments) = (&series[k].0, moments?);
@@ -390,12 +396,12 @@ impl Diagnosed<'_> {
             let is_more = is_more(k, square(&own.residual), &|noise| square(&noise.off));
             is_more.then(|| (own.joint.clone(), moments.words))
         });
-        let left = criticism.iter().enumerate().filter(|(k, joint)| {
-            let share = joint.structure();
+        let left = criticism.iter().enumerate().filter(|(k, _)| {
+            let share = structure(*k);
             share > STRUCTURE && is_more(*k, share, &|noise| noise.structure)
         });
-        let structures = left.map(|(_, joint)| {
-            let share = 100.0 * joint.structure();
+        let structures = left.map(|(k, joint)| {
+            let share = 100.0 * structure(k);
             let place = joint
                 .patterns
                 .first()
@@ -440,16 +446,18 @@ impl Diagnosed<'_> {
                 told.push(Left { joint, words });
             }
         }
-        Outside { told, alone }
+        let joints = series.iter().zip(asked).filter(|(_, asked)| *asked);
+        let names = joints.map(|((series, _), _)| series.joint.clone());
+        let noise = names.filter(|joint| told.iter().all(|left| left.joint != *joint));
+        Outside {
+            noise: noise.collect(),
+            told,
+            alone,
+        }
     }
 
     /// Of joints, by limb and number, what is said of those `asked` for where the model is complete and its motion measured once more.
-    fn by_noise(
-        &self,
-        places: &[(usize, usize)],
-        asked: &dyn Fn(usize) -> bool,
-    ) -> Vec<Option<ByNoise>> {
-        let asked: Vec<bool> = (0..places.len()).map(asked).collect();
+    fn by_noise(&self, places: &[(usize, usize)], asked: &[bool]) -> Vec<Option<ByNoise>> {
         let mut limbs: Vec<usize> = places.iter().map(|place| place.0).collect();
         limbs.dedup();
         let of = |&limb: &usize| {
@@ -508,9 +516,10 @@ impl Diagnosed<'_> {
         })
     }
 
-    /// The limbs and joints of which more is left than a sampled log resolves.
-    pub(super) fn unresolved(&self) -> Vec<(usize, usize)> {
-        let resolved = self.resolved();
+    /// The limbs and joints of which more is left than a sampled log resolves, and than `outside` takes for noise.
+    pub(super) fn unresolved(&self, outside: &Outside) -> Vec<(usize, usize)> {
+        let mut resolved = self.resolved();
+        resolved.extend(outside.noise.iter().cloned());
         let limbs = self.judged.iter().enumerate();
         // What a load that comes or goes leaves at each joint is no law of that joint.
         let limbs = limbs.filter(|(limb, _)| self.load_changes[*limb].is_none());
