@@ -48,6 +48,9 @@ pub(super) struct Outside {
     pub(super) noise: Vec<String>,
 }
 
+/// Windows that are large alone leave so much of a joint's squared error, and more is a law's.
+const MOST_ALONE: f64 = 0.5;
+
 /// What is said of a joint of a complete model.
 struct ByNoise {
     /// The share of the squared error that has structure.
@@ -422,6 +425,11 @@ impl Diagnosed<'_> {
             let candidate = self.candidate(judged, total);
             (candidate.joints.join(", "), text::unphysical(&candidate))
         });
+        // Of what a few windows ask for nothing is told but those.
+        let joints = series.iter().zip(&rest);
+        let few = joints.filter(|(_, rest)| **rest < MOST_ALONE);
+        let few: Vec<String> = few.map(|((series, _), _)| series.joint.clone()).collect();
+        let unphysical = unphysical.filter(|(joint, _)| !few.contains(joint));
         let mut resolved = self.resolved();
         let mut told: Vec<Left> = Vec::new();
         for (limb, change) in self.load_changes.iter().enumerate() {
@@ -448,7 +456,9 @@ impl Diagnosed<'_> {
         }
         let joints = series.iter().zip(asked).filter(|(_, asked)| *asked);
         let names = joints.map(|((series, _), _)| series.joint.clone());
-        let noise = names.filter(|joint| told.iter().all(|left| left.joint != *joint));
+        let noise = names
+            .chain(few)
+            .filter(|joint| told.iter().all(|left| left.joint != *joint));
         Outside {
             noise: noise.collect(),
             told,
