@@ -2,7 +2,7 @@
 
 use super::candidate::{Candidate, Member};
 use super::criteria::step::{
-    HeldOut, LEAST_SHARE, are_most, is_better, is_by_noise, is_held, is_of_all_folds,
+    HeldOut, LEAST_SHARE, are_most, is_better, is_by_noise, is_held, is_of_most_folds,
     is_worth_a_step, may_take_away,
 };
 use super::fitted::Fitted;
@@ -123,38 +123,30 @@ impl<'a> Context<'_, 'a> {
         let held = members.iter().filter(is_there).count();
         let is_there = are_most(held, members.len())
             && (!candidate.effect.description().is_compliant()
-                || self.is_everywhere(&after) && !self.is_by_noise(members, &after));
+                || self.is_of_most_folds(members, &after) && !self.is_by_noise(members, &after));
         is_there.then_some(after)
     }
 
-    /// Whether what a model `after` a step takes away is a law of the whole log, by the spread over its folds: no column has judged a spring or a play that
-    /// is sought by trying, and what few moments ask for it gives way to.
-    fn is_everywhere(&self, after: &State) -> bool {
-        let by_fold = |model: &State| -> Vec<f64> {
-            let folds = model
-                .squares
-                .iter()
-                .map(|squares| squares.cells.len())
-                .max();
-            let of = |fold: usize| {
-                let limbs = model.squares.iter().zip(&self.model.fits);
-                let joints = limbs.filter_map(|(squares, fit)| {
-                    let own = squares.cells.get(fold)?.iter().zip(&fit.noise);
-                    Some(
-                        own.map(|(square, noise)| square / (noise * noise))
-                            .sum::<f64>(),
-                    )
-                });
-                joints.sum()
-            };
-            (0..folds.unwrap_or(0)).map(of).collect()
+    /// Whether most folds tell what a model `after` a step takes away: no column has judged a spring or a play that is sought by trying, and what few
+    /// moments ask for it gives way to.
+    fn is_of_most_folds(&self, members: &[Member], after: &State) -> bool {
+        let is_own = |limb: usize| members.iter().any(|member| member.0 == limb);
+        let limbs: Vec<usize> = (0..self.data.len()).filter(|limb| is_own(*limb)).collect();
+        let error = |model: &State, fold: usize| -> f64 {
+            let own = limbs.iter().filter_map(|&limb| {
+                let joints = model.squares[limb].cells.get(fold)?.iter();
+                let noise = &self.model.fits[limb].noise;
+                let weighted = joints
+                    .zip(noise)
+                    .map(|(square, noise)| square / noise.powi(2));
+                Some(weighted.sum::<f64>())
+            });
+            own.sum()
         };
-        let folds = by_fold(self.model).into_iter().zip(by_fold(after));
-        is_of_all_folds(
-            &folds
-                .map(|(before, after)| before - after)
-                .collect::<Vec<_>>(),
-        )
+        let folds = limbs.iter().map(|&limb| after.squares[limb].cells.len());
+        let folds = 0..folds.max().unwrap_or(0);
+        let errors = folds.map(|fold| (error(self.model, fold), error(after, fold)));
+        is_of_most_folds(&errors.collect::<Vec<_>>())
     }
 
     /// Whether noise of the motion makes what springs or plays of a limb take away `after` they were fitted: they take as much of what a model without them

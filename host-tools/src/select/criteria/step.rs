@@ -1,7 +1,6 @@
 //! Whether a model that was fitted is worth a step: judged by what it predicts of data that it has not seen.
 
 use super::presence::{LEAST_EFFECT, RESOLUTION, STRUCTURE};
-use super::statistics::sum_and_error;
 
 /// Most steps of a search.
 const MOST_STEPS: usize = 40;
@@ -34,7 +33,7 @@ const MOST_BY_NOISE: f64 = 1.0 / 3.0;
 /// An effect takes less than this share of all that it takes, in units of the noise, at joints that others depend on.
 const A_LITTLE: f64 = 0.1;
 
-/// Fewer folds have no spread.
+/// Fewer folds have no majority.
 const LEAST_FOLDS: usize = 4;
 
 /// How a model predicts what it has not seen: sums of squares over all limbs.
@@ -126,10 +125,13 @@ pub(crate) fn is_stand_in(joints: &[(f64, f64, f64)]) -> bool {
     })
 }
 
-/// Whether what a step takes of each fold is of them all and not of one or two, by their spread; of too few nothing is asked.
-pub(crate) fn is_of_all_folds(gains: &[f64]) -> bool {
-    let (gain, error) = sum_and_error(gains);
-    gains.len() < LEAST_FOLDS || is_held(gain / error)
+/// Whether a step takes what it is worth of most folds, by each one's error before and after, and not of what one or two of them ask for; of too few
+/// nothing is asked.
+pub(crate) fn is_of_most_folds(folds: &[(f64, f64)]) -> bool {
+    let gain = folds
+        .iter()
+        .filter(|(before, after)| is_less(*after, *before));
+    folds.len() < LEAST_FOLDS || are_most(gain.count(), folds.len())
 }
 
 /// Whether noise of the motion makes what something `takes`, where that alone has it take `by_noise`.

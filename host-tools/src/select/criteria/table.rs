@@ -78,7 +78,10 @@ fn answer(question: &str, asked: &str) -> String {
             let joints: Vec<_> = numbers().chunks(3).map(|n| (n[0], n[1], n[2])).collect();
             yes(step::is_stand_in(&joints))
         }
-        "of all folds" => yes(step::is_of_all_folds(&numbers())),
+        "most folds" => {
+            let folds: Vec<_> = numbers().chunks(2).map(|n| (n[0], n[1])).collect();
+            yes(step::is_of_most_folds(&folds))
+        }
         "noise" => yes(step::is_by_noise(numbers()[0], numbers()[1])),
         "drive" => yes(step::bears_a_drive(&errors(asked)[1], &errors(asked)[0])),
         "one cause" => yes(step::does_as_well(numbers()[1], numbers()[0])),
