@@ -92,11 +92,7 @@ pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<Moments> {
                 "the error comes in bursts{place}: {carry}; the catalogue has nothing that acts so"
             )
         }
-        None => format!(
-            "{}: {}, and follow nothing: noise that is larger at times, readings of torque that jump, or knocks",
-            series.joint,
-            words(&bursts)
-        ),
+        None => words(&bursts),
     };
     Some(Moments {
         windows: bursts.large,

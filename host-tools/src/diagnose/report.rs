@@ -42,7 +42,7 @@ pub(super) struct Left {
 pub(super) struct Outside {
     /// What may be an effect that the catalogue does not have.
     pub(super) told: Vec<Left>,
-    /// Windows that are large alone, in words.
+    /// Joints with windows that are large alone.
     pub(super) alone: Vec<String>,
     /// Joints of which all that could be told is noise.
     pub(super) noise: Vec<String>,
@@ -136,7 +136,7 @@ pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormul
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
             .chain(contact_words(&stands, d.base_moves))
-            .chain(outside.alone.iter().cloned())
+            .chain((!outside.alone.is_empty()).then(|| text::alone(&outside.alone)))
             .collect(),
     }
 }
@@ -375,7 +375,7 @@ impl Diagnosed<'_> {
             if let Some(moments) = moments.as_ref().filter(|moments| !moments.lasts) {
                 // They tell of themselves, and nothing of what the others have in common.
                 (moments.windows.iter()).for_each(|&w| series.residual[w] = 0.0);
-                alone.push(moments.words.clone());
+                alone.push(series.joint.clone());
             }
             rest.push((series.rms() / before.max(f64::MIN_POSITIVE)).powi(2));
             lasting.push(moments.filter(|moments| moments.lasts));

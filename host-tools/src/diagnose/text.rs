@@ -238,6 +238,14 @@ pub(super) fn black_box(taken: &Explained) -> Option<String> {
     ))
 }
 
+/// What is said of joints with windows that are large alone.
+pub(super) fn alone(joints: &[String]) -> String {
+    format!(
+        "{}: a few windows carry much of the squared error and follow nothing: noise that is larger at times, readings of torque that jump, or knocks",
+        joints.join(", ")
+    )
+}
+
 /// A load that comes or goes.
 pub(super) fn load_change(change: &LoadChange) -> String {
     let [mass, error] = change.mass;
