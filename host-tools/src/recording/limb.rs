@@ -175,10 +175,8 @@ impl LimbRecording {
             }
             [0, 1].map(|channel| {
                 let left = (squares[channel] / self.len() as f64).sqrt();
-                f64::max(
-                    1.0,
-                    smooth[joint].noise[channel] / left.max(f64::MIN_POSITIVE),
-                )
+                let noise = smooth[joint].noise[channel];
+                f64::max(1.0, noise / left.max(f64::MIN_POSITIVE))
             })
         };
         let larger: Vec<[f64; 2]> = (0..n).map(larger).collect();
@@ -186,6 +184,18 @@ impl LimbRecording {
             let ([position, velocity], larger) = (smooth_at(k), larger[k % n]);
             *q = position + larger[0] * signs.of(*q - position);
             *dq = velocity + larger[1] * signs.of(*dq - velocity);
+        }
+        // A velocity that is made of the positions is made of the new ones.
+        for joint in (0..n).filter(|&j| smooth[j].noise[1].is_infinite()) {
+            for motion in self.motions() {
+                let (first, last) = (motion.start, motion.end - 1);
+                for k in motion {
+                    let [before, after] = [first.max(k.saturating_sub(1)), last.min(k + 1)];
+                    let moved = again.q[after * n + joint] - again.q[before * n + joint];
+                    let time = 1e-6 * (self.time_us[after] - self.time_us[before]) as f64;
+                    again.dq[k * n + joint] = if time > 0.0 { moved / time } else { 0.0 };
+                }
+            }
         }
         again.trajectories(velocity_gain)
     }

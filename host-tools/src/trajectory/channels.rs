@@ -10,6 +10,9 @@
 //!
 //! with N_v and N_q from the upper half of the band, where no robot moves. Between the two there may be noise of other colours; but
 //! none falls with the frequency in a velocity, so that a channel shows motion only where it is well above all that comes after.
+//!
+//! Many drives make the velocity of the encoder's positions. Its noise is then the position's, which the coherence of the two beyond the motion
+//! shows (Bendat & Piersol 2010, *Random Data*, §5.2), and it says nothing that the positions do not.
 
 use super::Stretch;
 use crate::gate::quantum::Differences;
@@ -33,6 +36,13 @@ const UPPER: f64 = 0.5;
 const LANES: usize = 8;
 /// Neighbouring frequencies over which densities are averaged.
 const AVERAGED: usize = 3;
+/// A velocity is made of the positions where so much of its noise follows theirs: more than not. Of fewer stretches that is not told, for one
+/// alone is always coherent.
+const MADE_OF: f64 = 0.5;
+const LEAST_STRETCHES: usize = 8;
+/// And where what lies beyond the motion is noise of the position, which is as large in the upper half of that band as in the lower: of a motion that
+/// shows through, both channels tell the same too, but it falls.
+const EVEN: f64 = 0.5;
 /// How many frequencies higher the comparison begins: half as high again.
 const BEYOND: usize = 4;
 /// A channel shows motion where its density is so many times that of its noise: ten decibels. What is nearer to the noise would add
@@ -58,14 +68,25 @@ pub(super) struct Channels {
     /// Time between samples, s.
     pub(super) period: f64,
     /// Standard deviations of white noise of position, rad, and velocity, rad/s; zero where no spectrum tells them.
-    pub(super) white: [f64; 2],
+    white: [f64; 2],
+    /// Whether the velocity is made of the positions, and is not looked at.
+    pub(super) positions_alone: bool,
 }
 
-/// Σ |V|² and Σ |D|² at one frequency.
+/// Σ |V|², Σ |D|² and Σ V D* at one frequency.
 #[derive(Clone, Copy, Default)]
 struct Density {
     velocity: f64,
     slope: f64,
+    both: [f64; 2],
+}
+
+impl Density {
+    /// Share of the velocity's power that follows the positions.
+    fn coherence(&self) -> f64 {
+        let [real, imaginary] = self.both;
+        (real * real + imaginary * imaginary) / (self.velocity * self.slope).max(f64::MIN_POSITIVE)
+    }
 }
 
 impl Channels {
@@ -80,9 +101,9 @@ impl Channels {
         {
             frequencies.push(next);
         }
-        let (densities, weight) = densities(stretches, &frequencies, period);
+        let (densities, looks, weight) = densities(stretches, &frequencies, period);
         let smooth = averaged(&densities);
-        if weight == 0.0 {
+        if looks == 0 {
             return Self::untold(stretches, period, fast, highest);
         }
         let omega = |f: f64| std::f64::consts::TAU * f;
@@ -99,8 +120,12 @@ impl Channels {
         // White noise of variance σ² has the density σ² Σ window² in each stretch.
         let std = |density: f64| (density / weight.max(f64::MIN_POSITIVE)).sqrt();
         // Where its scale is wrong by more than its noise, the encoder's slope is followed, and says how far.
+        let slope = last_shown(&smooth, |d| d.slope);
+        let beyond = (slope + BEYOND).min(smooth.len());
+        let positions_alone = looks >= LEAST_STRETCHES
+            && made_of_positions(&smooth[beyond..], &frequencies[beyond..]);
         let followed = wrong.abs() * fast <= std(velocity);
-        let last = last_shown(&smooth, |d| d.slope).max(if followed {
+        let last = slope.max(if followed && !positions_alone {
             last_shown(&smooth, |d| d.velocity)
         } else {
             0
@@ -126,11 +151,25 @@ impl Channels {
             position: position_of_all,
             period,
             white: [std(position), std(velocity)],
+            positions_alone,
         }
     }
 }
 
 impl Channels {
+    /// See [`super::Trajectory::noise`].
+    pub(super) fn noise(&self) -> [f64; 2] {
+        let [position, velocity] = self.white;
+        [
+            position,
+            if self.positions_alone {
+                f64::INFINITY
+            } else {
+                velocity
+            },
+        ]
+    }
+
     /// Of a joint whose stretches between gaps are too short for a spectrum.
     fn untold(stretches: &[Stretch], period: f64, fast: f64, highest: f64) -> Self {
         let cutoff = (MARGIN * USUAL).min(highest);
@@ -145,8 +184,25 @@ impl Channels {
             timing: 0.0,
             period,
             white: [0.0; 2],
+            positions_alone: false,
         }
     }
+}
+
+/// Whether beyond the motion the velocity's noise is the position's: of densities there, and their frequencies, Hz.
+fn made_of_positions(densities: &[Density], frequencies: &[f64]) -> bool {
+    let Some(last) = frequencies.last() else {
+        return false;
+    };
+    let noise = |upper: bool| {
+        let own = (densities.iter().zip(frequencies))
+            .filter(|(_, f)| (**f >= UPPER * last) == upper)
+            .map(|(d, f)| d.slope / (f * f));
+        robust::median(own)
+    };
+    let coherent = robust::median(densities.iter().map(Density::coherence));
+    matches!((noise(false), noise(true)), (Some(lower), Some(upper)) if upper > EVEN * lower)
+        && coherent.is_some_and(|share| share > MADE_OF)
 }
 
 /// The last frequency at which a channel shows motion: noise does not fall with the frequency, so that it is no more than what
@@ -211,10 +267,14 @@ fn scale(stretches: &[Stretch], period: f64) -> f64 {
     if squares > 0.0 { both / squares } else { 1.0 }
 }
 
-/// Densities at the frequencies over all stretches of [`LENGTH`], and the sum of the squared windows.
-fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<Density>, f64) {
+/// Densities at the frequencies over all stretches of [`LENGTH`], how many these are, and the sum of their squared windows.
+fn densities(
+    stretches: &[Stretch],
+    frequencies: &[f64],
+    period: f64,
+) -> (Vec<Density>, usize, f64) {
     let mut sums = vec![Density::default(); frequencies.len()];
-    let mut weight = 0.0;
+    let mut looks = 0;
     let per = ((LENGTH.min(usual_length(stretches)) / period) as usize)
         .saturating_sub(4)
         .max(LEAST_SAMPLES);
@@ -228,10 +288,12 @@ fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<De
         // A slope stands for the sample in the middle.
         for begin in (0..(slope.len() + 1).saturating_sub(per)).step_by(per / 2) {
             let channels = [&velocity[begin + 1..][..per], &slope[begin..][..per]];
-            weight += add(&mut sums, frequencies, channels, &window, period);
+            add(&mut sums, frequencies, channels, &window, period);
+            looks += 1;
         }
     }
-    (sums, weight)
+    let weight: f64 = window.iter().map(|w| w.powi(2)).sum();
+    (sums, looks, looks as f64 * weight)
 }
 
 /// The length that half of the time's stretches have at least, s: where gaps leave none as long as [`LENGTH`], frequencies are told
@@ -280,14 +342,14 @@ fn even(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
     (0..count).map(&mut at).collect()
 }
 
-/// Adds one stretch of even samples of a velocity and a slope; the sum of its squared window.
+/// Adds one stretch of even samples of a velocity and a slope.
 fn add(
     sums: &mut [Density],
     frequencies: &[f64],
     [velocity, slope]: [&[f64]; 2],
     window: &[f64],
     period: f64,
-) -> f64 {
+) {
     let weighed: Vec<[f64; 2]> = (0..velocity.len())
         .map(|k| [window[k] * velocity[k], window[k] * slope[k]])
         .collect();
@@ -303,9 +365,10 @@ fn add(
             let passed = step.sin() / step;
             sum.velocity += vc * vc + vs * vs;
             sum.slope += (dc * dc + ds * ds) / (passed * passed);
+            sum.both[0] += (vc * dc + vs * ds) / passed;
+            sum.both[1] += (vs * dc - vc * ds) / passed;
         }
     }
-    window.iter().map(|w| w.powi(2)).sum()
 }
 
 /// Σ x cos, Σ x sin of both channels at angles that grow by each of the steps from sample to sample: each angle's sine and cosine come
@@ -337,6 +400,7 @@ fn averaged(densities: &[Density]) -> Vec<Density> {
         Density {
             velocity: sum(&|d| d.velocity),
             slope: sum(&|d| d.slope),
+            both: [sum(&|d| d.both[0]), sum(&|d| d.both[1])],
         }
     };
     (0..densities.len()).map(mean).collect()

@@ -24,6 +24,9 @@ pub(super) struct Smoother {
     passed: Vec<Filtered>,
 }
 
+/// Less than this share of a variance is clearly less: a size that has shrunk by less than a third is as good as found.
+const CLEARLY: f64 = 0.5;
+
 /// Position, velocity, acceleration and jerk, or what is dual to them.
 type State = [f64; 4];
 
@@ -46,12 +49,18 @@ impl Smoother {
     pub(super) fn new(channels: Channels, fast: f64) -> Self {
         let omega = std::f64::consts::TAU * channels.cutoff;
         let unit = 1.0 / omega;
-        let velocity_noise = (channels.velocity * unit).powi(2);
+        let velocity_noise = if channels.positions_alone {
+            f64::INFINITY
+        } else {
+            (channels.velocity * unit).powi(2)
+        };
         // White noise of both channels together per unit of time at ω_c, where a velocity is as large as its position; the
         // motion's density is as large there.
         let density = channels.period / unit / (channels.position.powi(-2) + 1.0 / velocity_noise);
         Self {
-            start: (fast * unit).powi(2).max(velocity_noise),
+            start: (fast * unit)
+                .powi(2)
+                .max((channels.velocity * unit).powi(2)),
             // It may jump by as much as it is at the joint's greatest speeds.
             jump: (fast * unit).powi(2),
             between: false,
@@ -63,14 +72,21 @@ impl Smoother {
         }
     }
 
-    /// Lets the acceleration jump where a kink is between two samples instead of at the later one, and by as much as it does where the joint turns
-    /// round, rad/s²: by more the velocity would take noise for a jump.
-    pub(super) fn jumps_between_samples(&mut self, jumps: &[f64]) {
+    /// Lets the acceleration jump where a kink is between two samples instead of at the later one.
+    pub(super) fn jumps_between_samples(&mut self) {
         self.between = true;
-        if !jumps.is_empty() {
-            let squares: f64 = jumps.iter().map(|jump| jump * jump).sum();
-            self.jump = squares / jumps.len() as f64 * self.unit.powi(4);
+    }
+
+    /// Lets the acceleration jump by as much as it is found to where the joint turns round, rad/s²; whether that is clearly less than it might before.
+    pub(super) fn jumps_shrink(&mut self, jumps: &[f64]) -> bool {
+        if jumps.is_empty() {
+            return false;
         }
+        let squares: f64 = jumps.iter().map(|jump| jump * jump).sum();
+        let found = squares / jumps.len() as f64 * self.unit.powi(4);
+        let shrinks = found < CLEARLY * self.jump;
+        self.jump = found;
+        shrinks
     }
 
     /// Position, velocity, acceleration and jerk at each sample of a stretch; the acceleration may jump at the `kinks`.

@@ -31,12 +31,13 @@ const LEAST_IMU: f64 = 100.0;
 const COMPARED: f64 = 1.5;
 /// A torque that leaves the line between its neighbours by this share of the greatest one, and comes back: less than that spoils little.
 const LEAP: f64 = 0.2;
-/// What is usual, so many times over, is no noise: of 60 values of Gaussian noise the fifth largest lies at 1.8 σ, this at 18 σ.
-const LEAPS: f64 = 10.0;
+/// What is usual, so many times over, is no noise: of 60 values of Gaussian noise the eleventh largest lies at 1.3 σ, this at 18 σ.
+const LEAPS: f64 = 13.0;
 /// Rows of one damaged value: a reader that is faster than its messages reads one twice.
 const LEAP_ROWS: usize = 2;
-/// Of the largest values ahead so many may be of another leap, and of the rows beside it.
-const OTHER_LEAP: usize = 4;
+/// Of the largest values ahead so many may be of other leaps, and of the rows beside each: of three, as a recorder that damages one value in twenty
+/// has them.
+const OTHER_LEAPS: usize = 10;
 /// A velocity that differs from that of the positions by so many times what nine tenths of the rows ahead differ by is not theirs.
 const NOT_THEIRS: f64 = 10.0;
 
@@ -175,7 +176,7 @@ impl Level {
             let second = |n: usize| (at(n + 1) - 0.5 * (at(n) + at(n + 2))).abs();
             let mut usual: Vec<f64> = rows.clone().map(second).collect();
             usual.sort_by(|a, b| b.total_cmp(a));
-            let usual = usual.get(OTHER_LEAP).copied().unwrap_or(f64::INFINITY);
+            let usual = usual.get(OTHER_LEAPS).copied().unwrap_or(f64::INFINITY);
             let velocity = |n: usize| ahead[n].values[dq];
             let changes = rows.map(|n| (velocity(n + 2) - velocity(n)).abs());
             let change = (velocity(back) - before[dq]).abs();
