@@ -336,4 +336,21 @@ fn with_an_effect_is_the_model_that_add_makes() {
         changed("remove", "bias:FR_hip"),
     );
     assert!((without - removed).abs() <= 1e-9, "{without} {removed}");
+    // Several joints of one effect, and another effect after them.
+    let two = "quadratic_drag:FR_hip,FR_calf";
+    let (with, added) = (
+        compared(
+            "plain.toml",
+            &["--with", &format!("{two},stribeck:FR_calf")],
+        ),
+        changed("add", two),
+    );
+    assert!(with <= added + 1e-3, "{with} {added}");
+    let with = compared("plain.toml", &["--with", two]);
+    assert!((with - added).abs() <= 1e-9, "{with} {added}");
+    let (without, removed) = (
+        compared("plain.toml", &["--without", "bias:FR_hip,FR_calf"]),
+        changed("remove", "bias:FR_hip,FR_calf"),
+    );
+    assert!((without - removed).abs() <= 1e-9, "{without} {removed}");
 }

@@ -20,7 +20,7 @@ use super::result::result;
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Add {
-    /// Effects of the catalogue, each at one joint or at all; or a torque of your own, `JOINT: FORMULA`
+    /// Effects of the catalogue, each at one joint, at several (`bias:hip,knee`) or at all; or a torque of your own, `JOINT: FORMULA`
     #[arg(value_name = "EFFECT[:JOINT]", required = true)]
     effects: Vec<String>,
     /// The model file

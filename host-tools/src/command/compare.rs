@@ -80,7 +80,7 @@ pub(crate) struct Compare {
     #[arg(long, value_name = "EFFECT[:JOINT]")]
     with: Vec<String>,
     /// Compare the model that `proprio remove` makes without these, each at one joint or wherever the model has it
-    #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
+    #[arg(long, value_name = "EFFECT[:JOINT]")]
     without: Vec<String>,
     #[command(flatten)]
     part: super::Part,
@@ -411,12 +411,16 @@ impl Compare {
 
     /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.
     fn change(&self, model: &mut Model) -> Result<Vec<ModelEffect>, AskedError> {
+        let [with, without] = [&self.with, &self.without].map(|lists| -> Vec<String> {
+            let texts = lists.iter().map(|list| asked_texts(model.robot(), list));
+            texts.flatten().collect()
+        });
         let mut left_out = Vec::new();
-        for text in &self.without {
-            left_out.extend(remove::take_out(model, text)?);
+        for text in without {
+            left_out.extend(remove::take_out(model, &text)?);
         }
         let mut more = Vec::new();
-        for text in (self.with.iter()).flat_map(|list| asked_texts(model.robot(), list)) {
+        for text in with {
             more.extend(model.asked(&text)?);
         }
         model.add_last(&more);

@@ -52,12 +52,22 @@ fn parts<'a>(robot: &Robot, text: &'a str) -> Option<Parts<'a>> {
     })
 }
 
-/// The texts of a list with commas: those within a formula are its own.
+/// The texts of a list with commas: those within a formula are its own, and joints after an effect's joint are that effect's.
 pub fn asked_texts(robot: &Robot, list: &str) -> Vec<String> {
-    match parts(robot, list) {
-        Some(_) => vec![list.to_owned()],
-        None => list.split(',').map(str::to_owned).collect(),
+    if parts(robot, list).is_some() {
+        return vec![list.to_owned()];
     }
+    let mut texts: Vec<String> = Vec::new();
+    for text in list.split(',') {
+        match texts.last_mut() {
+            Some(last) if last.contains(':') && robot.joint(text).is_ok() => {
+                *last += ",";
+                *last += text;
+            }
+            _ => texts.push(text.to_owned()),
+        }
+    }
+    texts
 }
 
 impl Model {
@@ -157,5 +167,31 @@ impl Robot {
         let bodies = self.bodies();
         let root = std::iter::successors(Some(joint), |&b| bodies[b].parent).last();
         self.subtree(root.unwrap_or(joint))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_is_of_effects_of_joints_or_one_formula() {
+        let model = Model::default();
+        for (list, texts) in [
+            ("viscous,bias:FR_hip", vec!["viscous", "bias:FR_hip"]),
+            (
+                "bias:FR_hip,FR_calf,viscous",
+                vec!["bias:FR_hip,FR_calf", "viscous"],
+            ),
+            ("viscous,FR_hip", vec!["viscous", "FR_hip"]),
+            (
+                "FR_hip,FR_calf: c*max(q, 0)",
+                vec!["FR_hip,FR_calf: c*max(q, 0)"],
+            ),
+        ] {
+            assert_eq!(asked_texts(model.robot(), list), texts, "{list}");
+        }
+        assert_eq!(model.asked("bias:FR_hip,FR_calf").unwrap().len(), 2);
+        assert!(model.asked("bias:FR_hip,FR_knee").is_err());
     }
 }

@@ -330,18 +330,27 @@ impl Robot {
         })
     }
 
-    /// The effect and joints of `EFFECT[:JOINT]`, as users write them.
+    /// The effect and joints of `EFFECT[:JOINT[,JOINT…]]`, as users write them.
     ///
     /// # Errors
     /// If no effect has this name, or as [`place`](Self::place) has it.
     pub fn places(&self, text: &str) -> Result<(EffectKind, Vec<usize>), UnknownName> {
-        let (effect, joint) = match text.split_once(':') {
-            Some((effect, joint)) => (effect, Some(joint)),
+        let (effect, joints) = match text.split_once(':') {
+            Some((effect, joints)) => (effect, Some(joints)),
             None => (text, None),
         };
         let effect = catalogue::effect_named(effect)
             .ok_or_else(|| UnknownName::new("effect", effect, catalogue::names()))?;
-        Ok((effect, self.place(effect, joint)?))
+        let places = match joints {
+            Some(joints) => {
+                let own = joints
+                    .split(',')
+                    .map(|joint| self.place(effect, Some(joint)));
+                own.collect::<Result<Vec<_>, _>>()?.concat()
+            }
+            None => self.place(effect, None)?,
+        };
+        Ok((effect, places))
     }
 
     /// Where an effect can be: the joint called `name`, or all where no name is given; the base for an effect of gravity; only a joint
