@@ -127,9 +127,7 @@ impl Trajectory {
             squares.add(&smooth);
             kinks.push(about);
         }
-        // Between samples that are close friction makes little of a velocity, and a velocity that it may jump by takes more noise.
-        // At 500 Hz: simulated legs with dry friction are left with a fifth less, real chirps with 1 % and an arm with an elastic gear with a
-        // quarter more.
+        // Between samples that are close friction makes little of a velocity, and a velocity that a jump between them may move takes more noise.
         let coarse = squares.are_coarse(period);
         if coarse {
             smoother.jumps_between_samples();

@@ -13,8 +13,9 @@ use super::{axe, folder};
 const SAME: f64 = 1e-6;
 /// The same of a model with other ticks, as a share: the page keeps the weights of the data, which the command finds anew.
 const WEIGHTS: f64 = 3e-3;
-/// And of one with more than one tick: of effects that every joint has two left out and one added, 3.4e-3 is measured.
-const WEIGHTS_OF_MANY: f64 = 5e-3;
+/// The one step of these tests that misses it: with `bias` and viscous friction left out as well, and a spring and drag added, 3.4e-3 is measured. The page keeps
+/// the weights of windows in which a joint turns, and these follow the joint's noise.
+const MISSED: ([&str; 2], f64) = (["viscous:FR_hip", "quadratic_drag"], 4e-3);
 
 /// Words of a command line without quotes.
 fn run(folder: &Path, command: &str) -> String {
@@ -90,8 +91,8 @@ fn agrees(browser: &mut Browser, folder: &Path, clicks: &[&str]) -> f64 {
     println!("{clicks:?}: page {page}, compare {command}");
     let most = match clicks {
         [] => SAME,
-        [_] => WEIGHTS * command,
-        _ => WEIGHTS_OF_MANY * command,
+        _ if clicks == MISSED.0 => MISSED.1 * command,
+        _ => WEIGHTS * command,
     };
     assert!(
         (page - command).abs() <= most,
