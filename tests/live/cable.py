@@ -1,4 +1,4 @@
-"""A network cable between two namespaces that is a program: it loses what it is asked to lose, and counts it."""
+"""A network cable between two namespaces that is a program: it loses what it is asked to lose, and counts messages."""
 
 import fcntl
 import os
@@ -13,6 +13,8 @@ TUNSETIFF = 0x400454CA
 IFF_TAP, IFF_NO_PI = 0x0002, 0x1000
 # A frame of so many bytes holds a LowState; what discovery says is shorter or not lost here.
 MESSAGE = 1200
+# How the address of a frame for an IPv4 group begins.
+MULTICAST = bytes([0x01, 0x00, 0x5E])
 
 
 def ip(*words, inside=()):
@@ -31,6 +33,7 @@ class Cable:
     def __init__(self):
         self.loss = 0.0
         self.dropped = 0
+        self.multicast = True
         self.random = random.Random(7)
         self.other = subprocess.Popen(["unshare", "--net", "sleep", "infinity"])
         time.sleep(0.3)
@@ -53,6 +56,8 @@ class Cable:
         while not self.ended:
             for end in select.select(self.ends, [], [], 0.1)[0]:
                 frame = os.read(end, 65536)
+                if not self.multicast and frame.startswith(MULTICAST):
+                    continue
                 if end == there and len(frame) >= MESSAGE and self.random.random() < self.loss:
                     self.dropped += 1
                     continue

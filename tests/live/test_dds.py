@@ -62,6 +62,7 @@ class Live(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
         cable.loss = 0.0
+        cable.multicast = True
         cable.dropped = 0
 
     def leave(self, process):
@@ -293,6 +294,18 @@ class Live(unittest.TestCase):
         self.assertEqual(json.loads(out)["verdict"], "refused")
         self.assertFalse((self.folder / "log.csv").exists())
         other.kill()
+
+    def test_a_network_without_multicast(self):
+        cable.multicast = False
+        robot = self.robot("--seconds", 3, "--domain", 3)
+        options = ["record", SOURCE, "--domain", 3, "--json"]
+        alone = self.proprio(*options, "-o", "alone.csv")
+        self.assertIn("nobody sends joint states within 10 s", alone.communicate(timeout=60)[1])
+        recording = self.proprio(*options, "--peer", "10.77.0.9", "--peer", "10.77.0.2", "-o", "log.csv")
+        sent = self.sent(robot)["sent"]
+        report = json.loads(self.ended(recording)[0])
+        self.assertEqual((report["recorded"], report["lost"], report["repeated"]), (sent, 0, 0))
+        self.expect(self.log("log.csv"), list(rows(CHIRP))[:sent])
 
     def test_joint_states_in_another_domain(self):
         robot = self.robot("--kind", "joint_state", "--seconds", 3, "--domain", 5)

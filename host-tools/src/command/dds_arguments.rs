@@ -1,10 +1,12 @@
 //! What a user says of a DDS domain.
 
+use std::net::Ipv4Addr;
+
 use clap::{Args, ValueEnum};
 
 use crate::live::Network;
 
-/// Of the `dds` source. Its interface and topic are in its name; peers are found by multicast alone.
+/// Of the `dds` source. Its interface and topic are in its name.
 #[derive(Debug, Args)]
 pub(super) struct DdsArguments {
     /// DDS domain
@@ -14,6 +16,10 @@ pub(super) struct DdsArguments {
     /// best-effort writer sends a reliable reader nothing
     #[arg(long, value_name = "QOS", value_enum, default_value_t)]
     qos: Qos,
+    /// A computer that the network's multicast does not reach, behind a router or an access point: it is told of this one over the interface that
+    /// was chosen, and answers. May be given several times
+    #[arg(long = "peer", value_name = "IPV4")]
+    peers: Vec<Ipv4Addr>,
 }
 
 /// Quality of service that a reader asks for.
@@ -30,6 +36,7 @@ impl DdsArguments {
         Network {
             domain: self.domain,
             is_reliable: self.qos == Qos::Reliable,
+            peers: self.peers.clone(),
         }
     }
 }

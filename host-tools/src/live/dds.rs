@@ -1,9 +1,10 @@
 //! Messages of a topic of a DDS domain, over one network interface.
 //!
-//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers. The reader is best effort unless asked otherwise,
+//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers; `peers` tells computers of it that multicast does not reach. The reader is best effort unless asked otherwise,
 //! so that no writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
 
 mod domain;
+mod peers;
 
 use std::collections::HashMap;
 use std::net::IpAddr;
@@ -60,7 +61,7 @@ pub fn subscribe(
         interface: interface.name.clone(),
         problem,
     };
-    let joined = Domain::join(network, interface.address);
+    let joined = Domain::join(&network, interface.address);
     let joined = joined.map_err(|error| failed(error.to_string()))?;
     let found = find(&joined, topic, until).ok_or_else(|| LiveError::NoWriter {
         domain: network.domain,

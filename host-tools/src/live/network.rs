@@ -1,10 +1,14 @@
 //! How a DDS domain is listened to.
 
+use std::net::Ipv4Addr;
+
 /// Which domain is listened to, and what is asked of a topic's writers.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Network {
     /// The domain's number.
     pub domain: u16,
     /// Whether lost messages are to be sent again; a writer that does not offer it is not received. Else nothing is asked, and no writer waits.
     pub is_reliable: bool,
+    /// Computers that multicast does not reach, and that are told of us.
+    pub peers: Vec<Ipv4Addr>,
 }

@@ -1,23 +1,30 @@
 //! A DDS domain that is only listened to: of the participant nothing is given but who writes what, and readers.
 
 use std::convert::Infallible;
+use std::error::Error;
 use std::net::IpAddr;
 
 use rustdds::dds::CreateError;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, QosPolicyBuilder,
+    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, QosPolicyBuilder, RTPSEntity,
     RepresentationIdentifier, TopicKind,
 };
 
+use super::peers::{Announcements, Peers};
 use crate::live::Network;
 
 /// Messages that the middleware keeps for us: two seconds of a robot's.
 const HISTORY: i32 = 1024;
 
 /// A participant in a domain. Whoever has it can listen, and cannot make a writer.
-pub(super) struct Domain(DomainParticipant, QosPolicies);
+pub(super) struct Domain {
+    participant: DomainParticipant,
+    quality: QosPolicies,
+    /// What tells participants that multicast does not reach.
+    _peers: Option<Peers>,
+}
 
 /// A writer as it announces itself.
 pub(super) struct Announced {
@@ -36,19 +43,28 @@ impl Domain {
     /// Joins a domain over the interface of this address alone.
     ///
     /// # Errors
-    /// Those of the middleware.
-    pub(super) fn join(network: Network, interface: IpAddr) -> Result<Self, CreateError> {
-        DomainParticipantBuilder::new(network.domain)
+    /// Those of the middleware, and of sockets.
+    pub(super) fn join(network: &Network, interface: IpAddr) -> Result<Self, Box<dyn Error>> {
+        let is_asked = !network.peers.is_empty();
+        let announced = is_asked.then(|| Announcements::of(network.domain, interface));
+        let announced = announced.transpose()?;
+        let participant = DomainParticipantBuilder::new(network.domain)
             .with_only_networks([interface])
             // Announcements to this machine's own loopback would go beyond the interface that was chosen.
             .same_host_loopback(false)
-            .build()
-            .map(|participant| Self(participant, policies(network.is_reliable)))
+            .build()?;
+        let own = participant.guid();
+        let peers = announced.map(|all| all.send_on(own, network.peers.clone()));
+        Ok(Self {
+            participant,
+            quality: policies(network.is_reliable),
+            _peers: peers.transpose()?,
+        })
     }
 
     /// All writers known by now.
     pub(super) fn writers(&self) -> impl Iterator<Item = Announced> {
-        let writers = self.0.discovered_writers().into_iter();
+        let writers = self.participant.discovered_writers().into_iter();
         writers
             .map(|writer| writer.publication_topic_data)
             .map(|data| Announced {
@@ -63,8 +79,7 @@ impl Domain {
     /// # Errors
     /// Those of the middleware.
     pub(super) fn read(&self, topic: String, type_name: String) -> Result<Reader, CreateError> {
-        let quality = &self.1;
-        let participant = &self.0;
+        let (quality, participant) = (&self.quality, &self.participant);
         let topic = participant.create_topic(topic, type_name, quality, TopicKind::NoKey)?;
         let subscriber = participant.create_subscriber(quality)?;
         subscriber.create_simple_datareader_no_key::<Payload, Bytes>(&topic, Some(quality.clone()))
