@@ -5,6 +5,7 @@
 //! announcement.
 
 use std::io::{self, ErrorKind};
+use std::iter;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -18,7 +19,8 @@ use socket2::{Domain, Protocol, Socket, Type};
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 const PORT: u16 = 7400;
 const PORTS_OF_A_DOMAIN: u16 = 250;
-/// A computer's first participant listens at this port beyond the group's, the next ones two further each.
+/// A computer's first participant listens at this port beyond the group's, the next ones two further each; CycloneDDS, unless its configuration has peers
+/// too, at the group's alone.
 const FIRST_PARTICIPANT: u16 = 10;
 const APART: u16 = 2;
 /// Participants that a computer may have: so many CycloneDDS looks for at a peer.
@@ -92,7 +94,8 @@ impl Announcements {
         if announcement.is_empty() {
             return;
         }
-        for port in (0..PARTICIPANTS).map(|n| self.port + FIRST_PARTICIPANT + APART * n) {
+        let own = (0..PARTICIPANTS).map(|n| self.port + FIRST_PARTICIPANT + APART * n);
+        for port in iter::once(self.port).chain(own) {
             for &peer in peers {
                 // Where nobody listens, or no way leads now, a later one may come through.
                 let _ = self.sender.send_to(announcement, (peer, port));
