@@ -75,7 +75,10 @@ impl BlackBox {
         let joints: Vec<(usize, usize)> = (data.iter().enumerate())
             .flat_map(|(limb, data)| (0..data.joints()).map(move |joint| (limb, joint)))
             .collect();
-        let of = |&(limb, joint): &(usize, usize)| Joint::of(&data[limb], predicted[limb], joint);
+        let of = |&(limb, joint): &(usize, usize)| {
+            let all = vec![1.0; data[limb].left_out.len()];
+            Joint::of(&data[limb], predicted[limb], joint, &all)
+        };
         let joints: Vec<Joint> = side_by_side(&joints, of).into_iter().flatten().collect();
         let windows: f64 = joints.iter().map(|joint| joint.windows).sum();
         let folds = joints.iter().map(|joint| joint.left.len()).max()?;
@@ -130,9 +133,20 @@ pub(crate) struct Explained {
 }
 
 impl Explained {
-    /// Of a joint of a limb whose model predicts so; `None` where too little can be held out, or nothing is left.
-    pub(crate) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Option<Self> {
-        let joint = Joint::of(data, predicted, joint)?;
+    /// Of a joint of a limb whose model predicts so, where each window that counts is by so many times its noise more in `doubt`: the less, the surer it
+    /// is. `None` where too little can be held out, or nothing is left.
+    pub(crate) fn of(
+        data: &LimbData,
+        predicted: &[f64],
+        joint: usize,
+        doubt: &[f64],
+    ) -> Option<Self> {
+        let mut sure = vec![0.0; data.left_out.len()];
+        let counting = (0..sure.len()).filter(|&w| data.counts(w, joint));
+        for (w, doubt) in counting.zip(doubt) {
+            sure[w] = 1.0 / doubt.hypot(1.0);
+        }
+        let joint = Joint::of(data, predicted, joint, &sure)?;
         let before: f64 = joint.left.iter().map(|left| left[0]).sum();
         let taken =
             |n: usize| -> Vec<f64> { joint.left.iter().map(|left| left[0] - left[n]).collect() };
@@ -148,7 +162,7 @@ impl Explained {
 
 /// A joint's squared errors.
 struct Joint {
-    /// How many windows.
+    /// How many windows, as sure as they are.
     windows: f64,
     /// Of each fold: without a box and with each, (N m)².
     left: Vec<[f64; 4]>,
@@ -173,13 +187,13 @@ impl Normal {
         }
     }
 
-    /// Of probes, window by window, and what a model leaves there.
-    fn of(probes: &DMatrix<f64>, left: &DVector<f64>) -> Self {
+    /// Of probes, window by window, what a model leaves there, and how many windows they are worth.
+    fn of(probes: &DMatrix<f64>, left: &DVector<f64>, windows: f64) -> Self {
         Self {
             products: probes * probes.transpose(),
             moments: probes * left,
             square: left.norm_squared(),
-            windows: left.len() as f64,
+            windows,
         }
     }
 
@@ -204,7 +218,8 @@ impl Normal {
 }
 
 impl Joint {
-    fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Option<Self> {
+    /// Each window's row times how `sure` it is.
+    fn of(data: &LimbData, predicted: &[f64], joint: usize, sure: &[f64]) -> Option<Self> {
         let (n, folds) = (data.joints(), data.blocks.folds);
         if !data.blocks.can_hold_out() {
             return None;
@@ -217,13 +232,15 @@ impl Joint {
         let of_fold: Vec<Normal> = (0..folds)
             .map(|fold| {
                 let own = probes.windows.iter().zip(&probes.values);
-                let (mut values, mut left) = (Vec::new(), Vec::new());
+                let (mut values, mut left, mut worth) = (Vec::new(), Vec::new(), 0.0);
                 for (&w, x) in own.filter(|(w, _)| data.fold(**w) == fold) {
-                    values.extend_from_slice(x);
-                    left.push(data.torque[w * n + joint] - predicted[w * n + joint]);
+                    let k = w * n + joint;
+                    values.extend(x.iter().map(|x| x * sure[w]));
+                    left.push((data.torque[k] - predicted[k]) * sure[w]);
+                    worth += sure[w].powi(2);
                 }
                 let values = DMatrix::from_vec(count, left.len(), values);
-                Normal::of(&values, &DVector::from_vec(left))
+                Normal::of(&values, &DVector::from_vec(left), worth)
             })
             .collect();
         let mut all = Normal::new(count);

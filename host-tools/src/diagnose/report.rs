@@ -349,10 +349,10 @@ impl Diagnosed<'_> {
         let left = side_by_side(&fits, |(_, fit)| {
             let below = fit.below_limits();
             let predicted = below.with_unfollowed(&fit.values, fit.predicted_held_out()?);
-            let taken = |joint: usize| Explained::of(&below, &predicted, joint);
+            let doubts: Vec<_> = (0..below.joints()).map(|n| fit.doubt(&below, n)).collect();
+            let taken = |joint: usize| Explained::of(&below, &predicted, joint, &doubts[joint]);
             let boxes = by_number(0..below.joints(), taken);
-            let own = JointSeries::of(&below, &predicted).into_iter().enumerate();
-            let own = own.map(|(joint, series)| (series, fit.doubt(&below, joint)));
+            let own = JointSeries::of(&below, &predicted).into_iter().zip(doubts);
             Some((own.collect::<Vec<_>>(), boxes))
         });
         for ((limb, fit), left) in fits.into_iter().zip(left) {
@@ -490,10 +490,14 @@ impl Diagnosed<'_> {
             }
             let views: Vec<_> = series.iter().map(JointSeries::view).collect();
             let structures = residual::criticise(&views).into_iter();
+            let share = |joint: usize| {
+                let doubt = fit.doubt(&again, joint);
+                Explained::of(&again, &predicted, joint, &doubt).map(|taken| taken.share)
+            };
             let of = |(joint, criticism): (usize, Criticism)| ByNoise {
                 off: off(joint),
                 structure: criticism.structure(),
-                share: Explained::of(&again, &predicted, joint).map_or(0.0, |taken| taken.share),
+                share: share(joint).unwrap_or(0.0),
             };
             Some(structures.enumerate().map(of).collect::<Vec<_>>())
         };

@@ -15,6 +15,13 @@ use proprio_simulator::{Hide, Simulation, hidden};
 
 /// What is left of a front right leg of typical friction, with what is hidden in it besides, under the four effects of every drive.
 fn of(hide: &str) -> BlackBox {
+    with(hide, |data, predicted| {
+        BlackBox::of(std::slice::from_ref(data), &[&predicted]).unwrap()
+    })
+}
+
+/// What is said of that leg, and of what the model predicts of it.
+fn with<T>(hide: &str, say: impl FnOnce(&LimbData, Vec<f64>) -> T) -> T {
     let legs = [Leg::FR];
     let mut effects = hidden::typical(&legs);
     if !hide.is_empty() {
@@ -51,7 +58,39 @@ fn of(hide: &str) -> BlackBox {
     let own: Vec<_> = places(&model, limb).map(|(place, _)| place).collect();
     let fit = LimbFit::of(&data, &own, &How::default()).unwrap();
     let predicted = fit.predicted_held_out().unwrap();
-    BlackBox::of(std::slice::from_ref(&data), &[&predicted]).unwrap()
+    say(&data, predicted)
+}
+
+/// What windows in doubt have in common with the motion is no structure; what the others have is.
+#[test]
+fn what_is_in_doubt_says_little() {
+    const JOINT: usize = 1;
+    let shares = with("", |data, mut predicted| {
+        let n = data.joints();
+        let speed = |w: usize| {
+            let of = |k: usize| data.motion.joint[JOINT].state[k][1];
+            data.motion.mean(&data.motion.windows[w], of)
+        };
+        let counting = || (0..data.left_out.len()).filter(|&w| data.counts(w, JOINT));
+        let is_off = |w: usize| speed(w).abs() < 1.0;
+        // A friction of 0.1 N m that the model lacks at low speeds.
+        for w in counting().filter(|w| is_off(*w)) {
+            predicted[w * n + JOINT] -= 0.1 * speed(w).signum();
+        }
+        let doubt = |times: f64, of: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            counting()
+                .map(|w| if of(w) { times } else { 0.0 })
+                .collect()
+        };
+        let share = |doubt: &[f64]| Explained::of(data, &predicted, JOINT, doubt).unwrap().share;
+        [
+            share(&doubt(0.0, &is_off)),
+            share(&doubt(30.0, &is_off)),
+            share(&doubt(30.0, &|w| !is_off(w))),
+        ]
+    });
+    let [all, without, with] = shares;
+    assert!(all > 0.5 && with > 0.5 && without < 0.1, "{shares:?}");
 }
 
 #[test]
