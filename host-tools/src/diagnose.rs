@@ -6,6 +6,7 @@ mod complete;
 mod contact;
 mod formulas;
 mod free_base;
+mod outside;
 mod path;
 mod report;
 mod summary;

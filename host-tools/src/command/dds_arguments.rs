@@ -16,8 +16,8 @@ pub(super) struct DdsArguments {
     /// best-effort writer sends a reliable reader nothing
     #[arg(long, value_name = "QOS", value_enum, default_value_t)]
     qos: Qos,
-    /// A computer that the network's multicast does not reach, behind a router or an access point: it is told of this one over the interface that
-    /// was chosen, and answers. May be given several times
+    /// Address of a computer that multicast does not reach, behind a router or an access point: participants there receive this one's announcement
+    /// from the chosen interface. May be given several times
     #[arg(long = "peer", value_name = "IPV4")]
     peers: Vec<Ipv4Addr>,
 }

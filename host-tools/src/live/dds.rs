@@ -19,8 +19,9 @@ use super::Counts;
 use super::address::Topic;
 use super::error::LiveError;
 use super::follow::{Arrival, Follower};
+use super::gather::{GATHER, gathered};
 use super::network::Network;
-use super::until::{GATHER, LOOK, Until, gathered};
+use super::until::{LOOK, Until};
 use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 
 /// How long a writer is waited for, s: participants announce themselves every few seconds.

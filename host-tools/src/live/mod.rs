@@ -10,6 +10,7 @@
 //! - `dds`: messages of a topic of a DDS domain, over one network interface
 //! - `error`: why nothing can be received
 //! - `follow`: which of the messages of several writers are one robot's, each once
+//! - `gather`: how messages are taken from a queue
 //! - `network`: which DDS domain is listened to, and what is asked of its writers
 //! - `pieces`: bytes that a thread reads, piece by piece
 //! - `rest`: where a robot's joints rest
@@ -22,6 +23,7 @@ mod bus;
 mod dds;
 mod error;
 mod follow;
+mod gather;
 mod network;
 mod pieces;
 mod rest;
@@ -34,11 +36,11 @@ pub use bus::{BusFacts, LiveCapture, bytes};
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
 pub use follow::{Arrival, Follower, Tally};
+pub(crate) use gather::gathered;
 pub use network::Network;
 pub use rest::{REST, RestError, resting_at};
 pub use text::lines;
 pub use until::Until;
-pub(crate) use until::gathered;
 
 use std::sync::{Arc, Mutex, PoisonError};
 

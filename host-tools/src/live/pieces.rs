@@ -4,7 +4,8 @@ use std::io::{self, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Instant;
 
-use super::until::{LOOK, Until, gathered};
+use super::gather::gathered;
+use super::until::{LOOK, Until};
 
 /// Pieces that may wait; then whoever makes them waits.
 const WAITING: usize = 4096;

@@ -2,34 +2,12 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
-use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::output::asked_to_finish;
 
 /// How long a source waits at a time before it looks whether it is to end.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
-
-/// How long a reader lets messages gather once it has taken all that waited. At a robot's 500 Hz, waking a thread for each message costs more
-/// than the message; of what is watched, nobody sees a hundredth of a second.
-pub(crate) const GATHER: Duration = Duration::from_millis(10);
-
-/// What waits in `queue`, or what comes within `patience` and gathers meanwhile.
-///
-/// # Errors
-/// [`RecvTimeoutError`], as [`Receiver::recv_timeout`]'s.
-pub(crate) fn gathered<T>(queue: &Receiver<T>, patience: Duration) -> Result<T, RecvTimeoutError> {
-    match queue.try_recv() {
-        Ok(one) => Ok(one),
-        Err(TryRecvError::Disconnected) => Err(RecvTimeoutError::Disconnected),
-        Err(TryRecvError::Empty) => {
-            let gather = GATHER.min(patience);
-            thread::sleep(gather);
-            queue.recv_timeout(patience - gather)
-        }
-    }
-}
 
 /// When a source ends: when it is told to, by a program or by Ctrl-C, at a time, or some time after its first message.
 #[derive(Debug, Clone, Default)]

@@ -16,7 +16,7 @@ pub(super) struct Smoother {
     intensity: f64,
     /// Variance of the acceleration, and of the velocity, before the first sample: what they are at the joint's greatest speeds.
     start: f64,
-    /// Variance that the kinks about a turn add to the acceleration.
+    /// Variance that a kink adds to the acceleration.
     jump: f64,
     /// Whether it does so between two samples, else at the later one.
     between: bool,
@@ -145,7 +145,7 @@ impl Smoother {
                 covariance = covariance.moved_on(step, self.intensity);
                 if let Some(kink) = kinks.next_if(|kink| kink.after < k) {
                     let left = if self.between { kink.left } else { 0.0 };
-                    covariance.jump(kink.share * self.jump, left * step);
+                    covariance.jump(self.jump, left * step);
                 }
                 for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
                     (channels[n].gain, channels[n].variance) = covariance.observed(n, noise);

@@ -139,6 +139,23 @@ fn instead(members: &[Member], effect: EffectKind) -> Vec<Member> {
         .collect()
 }
 
+/// Fold by fold, gains that differ by less than this share are the same: what rounding makes.
+const ROUNDING: f64 = 1e-9;
+
+/// Whether two candidates are of one column, so that no first order tells which it is: a delay and the lag of a current loop of as many milliseconds.
+pub(crate) fn are_one_column(one: &Candidate, other: &Candidate) -> bool {
+    let most = one
+        .gains
+        .iter()
+        .fold(0.0f64, |most, gain| most.max(gain.abs()));
+    let mut pairs = one.gains.iter().zip(&other.gains);
+    one.is_within(other)
+        && other.is_within(one)
+        && most > 0.0
+        && one.gains.len() == other.gains.len()
+        && pairs.all(|(a, b)| (a - b).abs() <= ROUNDING * most)
+}
+
 /// Whether a spring or a play may be what a candidate resembles that takes a sure part of a joint's error; of one that no fit `keeps` it is
 /// not, and springs are expensive to try.
 pub(crate) fn may_be_transmission(candidate: &Candidate, keeps: bool) -> bool {

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use proprio_core::effect::EffectKind;
 
-use super::choice::{Look, handicap, may_be_transmission};
+use super::choice::{Look, are_one_column, handicap, may_be_transmission};
 use super::feasible::{NEAR, REACH, is_feasible};
 use super::presence::{is_change, is_structure, is_there, moves};
 use super::statistics::{Squared, least_z, noise_lags};
@@ -83,6 +83,10 @@ fn answer(question: &str, asked: &str) -> String {
             yes(step::is_of_most_folds(&folds))
         }
         "noise" => yes(step::is_by_noise(numbers()[0], numbers()[1])),
+        "one column" => {
+            let all = Synthetic::of(asked).all;
+            yes(are_one_column(&all[0], &all[1]))
+        }
         "drive" => yes(step::bears_a_drive(&errors(asked)[1], &errors(asked)[0])),
         "one cause" => yes(step::does_as_well(numbers()[1], numbers()[0])),
         "begin" => yes(step::begins_below(numbers()[0], numbers()[1], numbers()[2])),
