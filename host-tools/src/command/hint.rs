@@ -248,7 +248,7 @@ fn of_live(error: &LiveError) -> Option<String> {
             "name the interface whose cable or network leads to the robot: dds:eth0"
         }
         LiveError::NoWriter { .. } => {
-            "check that the robot is on, that its network and this interface's address are of one subnet (a Go2: 192.168.123.*), and --domain"
+            "check that the robot is on, that its network and this interface's address are of one subnet (a Go2: 192.168.123.*), and --domain; where multicast does not pass, name its computer with --peer"
         }
         LiveError::Port(error) => return of_device(error),
         LiveError::NoZeros { leg } => {

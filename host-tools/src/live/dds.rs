@@ -1,7 +1,7 @@
 //! Messages of a topic of a DDS domain, over one network interface.
 //!
-//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers; `peers` tells computers of it that multicast does not reach. The reader is best effort unless asked otherwise,
-//! so that no writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
+//! Nothing here can write: `domain`, beside, has the participant, and gives nothing but readers; `peers` announces it where multicast does
+//! not reach. The reader is best effort unless asked otherwise, so that no writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
 
 mod domain;
 mod peers;

@@ -9,6 +9,6 @@ pub struct Network {
     pub domain: u16,
     /// Whether lost messages are to be sent again; a writer that does not offer it is not received. Else nothing is asked, and no writer waits.
     pub is_reliable: bool,
-    /// Computers that multicast does not reach, and that are told of us.
+    /// Computers that multicast does not reach: announcements are sent to each of them too.
     pub peers: Vec<Ipv4Addr>,
 }

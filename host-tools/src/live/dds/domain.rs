@@ -22,7 +22,7 @@ const HISTORY: i32 = 1024;
 pub(super) struct Domain {
     participant: DomainParticipant,
     quality: QosPolicies,
-    /// What tells participants that multicast does not reach.
+    /// What announces it to computers that multicast does not reach.
     _peers: Option<Peers>,
 }
 

@@ -19,12 +19,12 @@ use socket2::{Domain, Protocol, Socket, Type};
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 const PORT: u16 = 7400;
 const PORTS_OF_A_DOMAIN: u16 = 250;
-/// A computer's first participant listens at this port beyond the group's, the next ones two further each; CycloneDDS, unless its configuration has peers
-/// too, at the group's alone.
+/// A computer's first participant listens at this port beyond the group's, the next ones two further each. CycloneDDS by itself (`ParticipantIndex` none)
+/// has a port of its own choice; what is sent to the group's port of its computer reaches it all the same, as `tests/live` shows.
 const FIRST_PARTICIPANT: u16 = 10;
 const APART: u16 = 2;
-/// Participants that a computer may have: so many CycloneDDS looks for at a peer.
-const PARTICIPANTS: u16 = 10;
+/// Participants that a computer may have: ROS 2 Jazzy configures CycloneDDS for indices to 32 (`MaxAutoParticipantIndex`).
+const PARTICIPANTS: u16 = 33;
 /// Of an announcement: the protocol's name, and where it says whose it is.
 const PROTOCOL: &[u8] = b"RTPS";
 const SENDER: std::ops::Range<usize> = 8..20;
