@@ -8,6 +8,7 @@ use super::asked::{Asked, names};
 use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, ranking};
 use crate::detect::JointSeries;
 use crate::detect::residual;
+use crate::equation::values::Place;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::doubtful;
@@ -88,11 +89,11 @@ pub fn compare_free_base_without(
     let before = asked.before.as_ref();
     let before = before.map(|model| Ok::<_, FreeBaseError>((model, ModelStructure::of(model)?)));
     let before = before.transpose()?;
-    let robot = structure.robot.clone();
-    let walks = Walks::read(logs, (model, &robot), progress)?;
+    let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
-    let candidates = structure.candidates(model);
-    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
+    let of_before = |place: Place| before.as_ref().is_some_and(|(_, own)| own.has(place));
+    let (data, robot) = Data::believed(&walks, model, of_before)?;
+    let structure = ModelStructure { robot: robot.clone(), ..structure };
     let judged = |model: &Model, structure: &ModelStructure| {
         if asked.fitted {
             let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;

@@ -91,10 +91,8 @@ impl Data {
         walks: &Walks,
         sites: Vec<EffectSite>,
     ) -> Result<Self, FreeBaseError> {
-        let setup = self.setup.with_columns(WalkColumns {
-            robot: walks.robot.clone(),
-            sites,
-        });
+        let robot = walks.robot.clone();
+        let setup = (self.setup).with_columns(WalkColumns { robot, sites }, |_| true);
         let (outside, readings) = (self.outside.clone(), self.readings.clone());
         Ok(Self {
             unseen: self.unseen.clone(),

@@ -7,6 +7,9 @@ use proprio_core::contact::SINGULAR;
 use super::free_tree::{FreeTree, Pose};
 use super::legged::Point;
 
+/// The share of a row's square beyond which one pass leaves it orthogonal to rounding: half, as Daniel and others have it.
+const KEPT: f64 = 0.5;
+
 /// See the module.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Projector {
@@ -42,15 +45,20 @@ impl Projector {
         }
     }
 
-    /// Adds what of the row is orthogonal to the directions before it; by Gram and Schmidt, twice.
+    /// Adds what of the row is orthogonal to the directions before it; by Gram and Schmidt, and again where that has taken so much of it away that
+    /// rounding shows (Daniel, Gragg, Kaufman & Stewart 1976, *Mathematics of Computation* 30).
     fn orthogonalise(&mut self) {
         let before = dot(&self.row, &self.row);
         for _ in 0..2 {
+            let whole = dot(&self.row, &self.row);
             for direction in self.directions.chunks_exact(self.width.max(1)) {
                 let share = dot(direction, &self.row);
                 for (x, d) in self.row.iter_mut().zip(direction) {
                     *x -= share * d;
                 }
+            }
+            if dot(&self.row, &self.row) > KEPT * whole {
+                break;
             }
         }
         let left = dot(&self.row, &self.row);

@@ -41,7 +41,8 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
-    let (data, structure) = Data::believed(&walks, structure, &[])?;
+    let (data, robot) = Data::believed(&walks, model, |_| false)?;
+    let structure = ModelStructure { robot, ..structure };
     FreeBaseIdentification::of(logs, (walks, model), &data, &structure)
         .ok_or(FreeBaseError::Unsolvable)
 }

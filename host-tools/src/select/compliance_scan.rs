@@ -1,9 +1,9 @@
 //! What no column tells is found by trying: of what lies between motor and link, a soft spring or a wide play, a column says little, and other effects
-//! look like them to first order; and some effects are of one column.
+//! look like them to first order.
 
 use super::accept::Context;
 use super::candidate::{Candidate, Finding, Trial};
-use super::criteria::choice::{are_one_column, handicap, may_be_transmission};
+use super::criteria::choice::{handicap, may_be_transmission};
 use super::criteria::step::{
     LEAST_SHARE, is_held, is_less, is_resolved, is_structure, may_take_away,
 };
@@ -36,8 +36,7 @@ pub(super) fn best_by_trying<'c, 'a>(
     // What a joint's own columns show and no fit keeps is no spring either.
     let keeps = (first.1.as_ref()).is_some_and(|after| is_less(weighted(after), now));
     if !is_loose && !may_be_transmission(best, keeps) {
-        let told = best_of_one_column((context, refused), first, all, is_tried);
-        return (told, Vec::new());
+        return (first, Vec::new());
     }
     let error = |(c, after): &Tried<State>| {
         let error = after.as_ref().map_or(f64::INFINITY, weighted);
@@ -69,32 +68,6 @@ pub(super) fn best_by_trying<'c, 'a>(
         .min_by(|a, b| error(a).total_cmp(&error(b)))
         .unwrap_or((best, None));
     (told, useless)
-}
-
-/// Of a candidate and those of the same column the one whose fit leaves least.
-fn best_of_one_column<'c, 'a>(
-    (context, refused): (&Context<'_, 'a>, &Refused<State<'a>>),
-    first: Tried<'c, State<'a>>,
-    all: &'c [Candidate],
-    is_tried: bool,
-) -> Tried<'c, State<'a>> {
-    if !is_tried {
-        return first;
-    }
-    let best = first.0;
-    let is_alike = |c: &&Candidate| {
-        !c.is_same(best) && are_one_column(c, best) && !refused.has(c, context.model)
-    };
-    let others = all.iter().filter(is_alike);
-    let others = others.map(|c| (c, context.with(c)));
-    let error = |(_, after): &Tried<State>| {
-        let error = |after: &State| after.weighted(context.model);
-        after.as_ref().map_or(f64::INFINITY, error)
-    };
-    std::iter::once(first)
-        .chain(others)
-        .min_by(|a, b| error(a).total_cmp(&error(b)))
-        .unwrap_or((best, None))
 }
 
 /// Springs and plays at the joint of a candidate; of several joints at the one where most is gained. Where one may be there also those at

@@ -8,7 +8,7 @@
 //! [`Search::apply`] alone changes the model.
 
 use super::candidate::{Candidate, Member};
-use super::criteria::choice::Look;
+use super::criteria::choice::{Look, are_one_column};
 use super::criteria::feasible::is_feasible;
 use super::criteria::presence::is_structure;
 use super::criteria::step::{
@@ -282,7 +282,28 @@ impl<S: Source> Search<S> {
         for candidate in useless {
             self.refused.add(candidate, &self.model);
         }
-        told
+        match told {
+            (told, Some(after)) => self.best_of_one_column((told, after), all),
+            untried => untried,
+        }
+    }
+
+    /// Of a candidate that was fitted, and those of the same column, the one whose fit leaves least: no first order tells which it is.
+    fn best_of_one_column<'c>(
+        &self,
+        (told, after): (&'c Candidate, S::Model),
+        all: &'c [Candidate],
+    ) -> Tried<'c, S::Model> {
+        let is_alike = |c: &&Candidate| {
+            !c.is_same(told) && are_one_column(c, told) && !self.refused.has(c, &self.model)
+        };
+        let others = all.iter().filter(is_alike);
+        let others = others.filter_map(|c| Some((c, self.source.with(&self.model, c)?)));
+        let error = |after: &S::Model| after.held_out(&self.model).weighted;
+        let best = std::iter::once((told, after))
+            .chain(others)
+            .min_by(|a, b| error(&a.1).total_cmp(&error(&b.1)));
+        best.map_or((told, None), |(told, after)| (told, Some(after)))
     }
 
     /// Takes what no column shows, where none shows anything that helps.
