@@ -93,7 +93,10 @@ pub fn compare_free_base_without(
     // The same rows for both: what one of them has is a candidate of the other.
     let of_before = |place: Place| before.as_ref().is_some_and(|(_, own)| own.has(place));
     let (data, robot) = Data::believed(&walks, model, of_before)?;
-    let structure = ModelStructure { robot: robot.clone(), ..structure };
+    let structure = ModelStructure {
+        robot: robot.clone(),
+        ..structure
+    };
     let judged = |model: &Model, structure: &ModelStructure| {
         if asked.fitted {
             let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! with N_v and N_q from the upper half of the band, where no robot moves. Between the two there may be noise of other colours; but
-//! none falls with the frequency in a velocity, so that a channel shows motion only where it is well above all that comes after.
+//! none falls with the frequency in a velocity, so that a channel shows motion only where it is well above what comes after.
 //!
 //! Many drives make the velocity of the encoder's positions. Its noise is then the position's, which the coherence of the two beyond the motion
 //! shows (Bendat & Piersol 2010, *Random Data*, §5.2), and it says nothing that the positions do not.
@@ -43,8 +43,10 @@ const LEAST_STRETCHES: usize = 8;
 /// And where what lies beyond the motion is noise of the position, which is as large in the upper half of that band as in the lower: of a motion that
 /// shows through, both channels tell the same too, but it falls.
 const EVEN: f64 = 0.5;
-/// How many frequencies higher the comparison begins: half as high again.
+/// How many frequencies higher the comparison begins: half as high again; and how many it takes: a decade, whatever the sampling rate. The position's
+/// noise makes the more of a slope the higher the frequency: at kilohertz more than any motion, which then shows at no frequency.
 const BEYOND: usize = 4;
+const COMPARED: usize = 20;
 /// A channel shows motion where its density is so many times that of its noise: ten decibels. What is nearer to the noise would add
 /// more of it than of motion to an acceleration.
 // Chosen among 4 and 10 on five chirps of one Go2: to be confirmed on robots that it has not seen.
@@ -206,12 +208,13 @@ fn made_of_positions(densities: &[Density], frequencies: &[f64]) -> bool {
 }
 
 /// The last frequency at which a channel shows motion: noise does not fall with the frequency, so that it is no more than what
-/// usually comes beyond.
+/// usually comes next.
 fn last_shown(densities: &[Density], of: impl Fn(&Density) -> f64) -> usize {
     let densities: Vec<f64> = densities.iter().map(of).collect();
     let shows = |&n: &usize| {
-        let beyond = &densities[(n + BEYOND).min(densities.len().saturating_sub(BEYOND))..];
-        densities[n] > SHOWS * robust::median(beyond.iter().copied()).unwrap_or(0.0)
+        let first = (n + BEYOND).min(densities.len().saturating_sub(BEYOND));
+        let next = densities[first..].iter().take(COMPARED).copied();
+        densities[n] > SHOWS * robust::median(next).unwrap_or(0.0)
     };
     (0..densities.len()).rev().find(shows).unwrap_or(0)
 }

@@ -264,6 +264,45 @@ mod tests {
         }
     }
 
+    /// A motion of 12 Hz that lies 24 dB above the position's noise there is followed at any sampling rate, with as much noise in a band of 1 Hz: at
+    /// kilohertz that noise makes more of a slope at frequencies which nothing moves at.
+    #[test]
+    fn a_high_sampling_rate_hides_no_motion() {
+        const SIZE: f64 = 5e-5;
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let (slow, fast) = (std::f64::consts::TAU, std::f64::consts::TAU * 12.0);
+        let truth = |t: f64| {
+            let ([a, b], [c, d]) = ((slow * t).sin_cos().into(), (fast * t).sin_cos().into());
+            [
+                0.5 * a + SIZE * c,
+                0.5 * slow * b + SIZE * fast * d,
+                -0.5 * slow * slow * a - SIZE * fast * fast * c,
+            ]
+        };
+        for rate in [250.0, 500.0, 1000.0, 2000.0, 5000.0] {
+            let noise = f64::sqrt(rate / 250.0);
+            let t: Vec<f64> = (0..20 * rate as usize).map(|k| k as f64 / rate).collect();
+            let mut measured = |n: usize, noise: f64| -> Vec<f64> {
+                t.iter().map(|&t| truth(t)[n] + noise * normal()).collect()
+            };
+            let (q, dq) = (measured(0, 2e-5 * noise), measured(1, 0.1 * noise));
+            let stretch = Stretch {
+                t: &t,
+                q: &q,
+                dq: &dq,
+            };
+            let found = Trajectory::of(&[stretch], 1.0 / rate);
+            let inner = t.len() / 10..t.len() * 9 / 10;
+            let squares: f64 = (inner.clone())
+                .map(|k| (found.state[k][2] - truth(t[k])[2]).powi(2))
+                .sum();
+            // The acceleration of 12 Hz is 0.2 rad/s² rms.
+            let off = (squares / inner.len() as f64).sqrt();
+            assert!(off < 0.15, "{off} rad/s² at {rate} Hz");
+        }
+    }
+
     /// A drive of 9 Hz against dry friction, eleven samples a period: the velocity's kinks lie anywhere between two samples. A jump at a sample
     /// instead leaves 0.14 rad/s, and a turn that a straight line tells leaves more than half a sample of each sample's direction; as it is, 0.02 rad/s
     /// and a tenth.
