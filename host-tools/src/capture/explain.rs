@@ -18,8 +18,8 @@ const PART: usize = 256;
 /// What a UART reads of the headers FE EE and FD EE where A and B are swapped. Every bit is then inverted: a start bit is high, as an idle line
 /// is, and a byte seems to begin at the first data bit that is 1, up to the same bit of the next byte.
 const SWAPPED: [[u8; 2]; 2] = [[0x80, 0x84], [0x01, 0x84]];
-/// One header in so many bytes is no chance where no frame is good: a polling cycle of motors 0 to 2 has one in 24, for that of motor 1 is
-/// followed by a bit that is no stop bit; random bytes have one in 33 000.
+/// One header in so many bytes is no chance where no frame is good: a polling cycle has one in 23 where frames have pauses between them, and
+/// one in 33 where they have none (simulated); random bytes have one in 33 000.
 const SWAPPED_BYTES: u64 = 200;
 
 /// Ids that a reply can carry.
