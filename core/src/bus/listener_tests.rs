@@ -313,8 +313,11 @@ fn lost_and_damaged_bytes_mix_no_cycles() {
     }
 }
 
+/// Changes or drops a frame.
+type Damage = fn(&mut Vec<u8>, &mut Random);
+
 /// What may happen to a frame.
-const DAMAGES: [(&str, fn(&mut Vec<u8>, &mut Random)); 8] = [
+const DAMAGES: [(&str, Damage); 8] = [
     ("its last byte is lost", |bytes, _| {
         bytes.pop();
     }),
@@ -363,7 +366,7 @@ struct Damaged {
 
 impl Damaged {
     /// Plays `cycles` of this polling, damaged from the first on.
-    fn play(&mut self, polling: &Polling, cycles: u64, damage: fn(&mut Vec<u8>, &mut Random)) {
+    fn play(&mut self, polling: &Polling, cycles: u64, damage: Damage) {
         // What was sent last, by cycle and id, and how many replies of it came whole.
         const KEPT: usize = 64;
         let sent = RefCell::new([[Reply::default(); 16]; KEPT]);
