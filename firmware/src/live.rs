@@ -3,8 +3,8 @@
 
 use crate::application::Application;
 use crate::board::nucleo_h743zi2::{
-    BUS_BYTE_NS, Bank2, Board, CORE_HZ, CycleCounter, Lights, Listening, READINGS, RING, Watchdog,
-    imu_losses, program,
+    BUS_BYTE_NS, Bank2, Board, CORE_HZ, CycleCounter, Lights, Listening, READINGS, RING, Stage,
+    Watchdog, imu_losses, program,
 };
 use crate::{GIT, VERSION, crash, stack::HighWater};
 use embassy_executor::Spawner;
@@ -88,7 +88,9 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
         stack: HighWater::new(),
         frames_dropped: 0,
     };
+    listener.lights.starting(Stage::Memory);
     listener.app.begin(identity, &mut listener.bank2);
+    listener.lights.started();
     listener.watchdog.pet();
     if !start.crash.is_empty() {
         defmt::error!("the run before ended: {}", start.crash);

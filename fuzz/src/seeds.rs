@@ -13,6 +13,7 @@ use proprio_core::wire::{
 };
 use proprio_host::capture::CaptureWriter;
 use proprio_host::device::pull::Pull;
+use proprio_host::device::serial::BUS_BAUD;
 use proprio_host::device::{BusStep, Desktop, Device};
 use proprio_host::factors::Factors;
 use proprio_host::fleet::{self, Block, BlockColumns, KeptColumn};
@@ -184,7 +185,7 @@ fn messages() -> Vec<u8> {
 }
 
 fn capture() -> Vec<u8> {
-    let mut capture = CaptureWriter::new(Vec::new(), 4_000_000).expect("a vector grows");
+    let mut capture = CaptureWriter::new(Vec::new(), BUS_BAUD).expect("a vector grows");
     for n in 0..40 {
         for (place, frame) in (0..).zip(cycle(n)) {
             let time_us = 2_000 * u64::from(n) + 50 * place;

@@ -4,7 +4,7 @@
 
 EVENTS has lines `time_us line hex`: what a line brings without a pause until then, lines 0 to 3 being the buses of the legs and 4 the host;
 `!2` in place of the bytes is a framing error. Lines of standard output are `time_us hex`, what the board says to the host; the last is a JSON
-object: what the watchdog was told, and how the run ended.
+object: what the watchdog was told, which lights were lit when (µs), and how the run ended.
 
 The registers are those of RM0433, by their names in it. One instruction is taken for one cycle of 400 MHz: what this cannot show are times, the
 cache and everything electrical. A register that is not modelled keeps what is written to it.
@@ -34,6 +34,8 @@ TIM5_IRQ, FLASH_IRQ = 50, 4
 # Bits of RCC_CR: an oscillator or PLL that is switched on, and that it is ready.
 HSE = (16, 17)
 READY = [(0, 2), (7, 8), (12, 13), (24, 25), (26, 27), (28, 29)]
+# LD1, LD2, LD3: where a port's bits are set and reset (GPIOx_BSRR), and the pin.
+LIGHTS = {"green": (0x5802_0418, 0), "yellow": (0x5802_1018, 1), "red": (0x5802_0418, 14)}
 # Where an interrupt returns to.
 RETURN = 0x1FF1_0000
 SLICE = 4000
@@ -96,6 +98,7 @@ class Board:
         self.timer = Timer()
         self.asleep, self.ended = False, None
         self.watchdog, self.keys_before_clocks, self.interrupts, self.erased = [], None, 0, 0
+        self.lit, self.shown = set(), []
         for base, size in MEMORY:
             self.uc.mem_map(base, size)
         self.uc.mem_write(0x0800_0000, b"\xff" * (2 << 20))
@@ -292,7 +295,20 @@ class Board:
         else:
             if address == RCC and value >> 16 & 1 and self.keys_before_clocks is None:
                 self.keys_before_clocks = [key for _, key in self.watchdog]
+            if any(address == port for port, _ in LIGHTS.values()):
+                self.light(address, value)
             self.registers[address] = value
+
+    def light(self, address, value):
+        """What is lit after a port's bits were written, which its GPIOx_ODR then shows."""
+        output = self.registers.get(address - 4, 0)
+        self.registers[address - 4] = output & ~(value >> 16) | value & 0xFFFF
+        for name, (port, pin) in LIGHTS.items():
+            if port == address and value >> pin & 1:
+                self.lit.add(name)
+            elif port == address and value >> pin + 16 & 1:
+                self.lit.discard(name)
+        self.shown.append((self.now * 1_000_000 // CORE_HZ, sorted(self.lit)))
 
     def write_dma(self, register, value):
         if register in (8, 12):
@@ -430,6 +446,7 @@ class Board:
             "longest_pause_ms": max(pauses, default=0) / CORE_HZ * 1e3,
             "interrupts": self.interrupts,
             "sectors_erased": self.erased,
+            "lights": self.shown,
         }
 
 

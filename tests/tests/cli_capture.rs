@@ -3,14 +3,19 @@
 use std::fs;
 use std::io::Write;
 
-use proprio_core::bus::crc::SEED_GO2;
+use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE, checksum};
 use proprio_core::bus::{Command, Mode, Reply};
-use proprio_host::capture::CaptureWriter;
-use proprio_tests::command::{done, folder, json, proprio, stderr};
+use proprio_core::go2::Leg;
+use proprio_host::capture::{CaptureWriter, Facts, Told};
+use proprio_host::device::Robot;
+use proprio_host::device::power_up::PowerUp;
+use proprio_host::device::serial::BUS_BAUD;
+use proprio_simulator::hidden::typical;
+use proprio_tests::command::{done, folder, json, parameter, proprio, stderr};
 
 /// A capture of a leg that is polled 500 times a second, motor 2 first.
 fn capture() -> Vec<u8> {
-    let mut writer = CaptureWriter::new(Vec::new(), 4_000_000).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
     for n in 0..2000u64 {
         let mut time_us = 1_000 + 2_000 * n;
         for id in [2, 0, 1] {
@@ -133,17 +138,11 @@ fn a_simulated_bus_is_captured_in_real_time() {
 /// A capture is a log: of which leg and from where its motors count is in it, and what is missing is said.
 #[test]
 fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
-    use proprio_core::go2::Leg;
-    use proprio_host::capture::{Facts, Told};
-    use proprio_host::device::Robot;
-    use proprio_host::device::power_up::PowerUp;
-    use proprio_simulator::hidden::typical;
-
     let folder = folder();
     let leg = Leg::FL;
     let write = |name: &str, power_up: PowerUp, facts: &Facts, silent: std::ops::Range<usize>| {
         let robot = Robot::new(&[leg], typical(&[leg]), 5).after(power_up);
-        let mut writer = CaptureWriter::of(Vec::new(), 4_000_000, facts).unwrap();
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, facts).unwrap();
         for (n, step) in robot.steps().take(4_000).enumerate() {
             let step = step.unwrap();
             if !silent.contains(&n) {
@@ -236,4 +235,111 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
         .lines()
         .count();
     assert_eq!(rows, 2_001);
+}
+
+/// A capture is a log in every command; a device in this process makes the same of it whether `replay` plays it or `monitor` does.
+#[test]
+fn every_command_takes_a_capture() {
+    let folder = folder();
+    let at = folder.path();
+    let leg = Leg::RR;
+    let robot = Robot::new(&[leg], typical(&[leg]), 8);
+    let facts = Facts {
+        leg: Some(leg),
+        told: Told::Angles,
+    };
+    for (name, skipped) in [("RR.cap", 0), ("later.cap", 5_000)] {
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+        for step in robot.steps().skip(skipped).take(5_000) {
+            let step = step.unwrap();
+            let bytes = &step.buses[leg.index()];
+            writer.record(step.time_us, bytes).unwrap();
+        }
+        fs::write(at.join(name), writer.finish().unwrap()).unwrap();
+    }
+    let said = |words: &str| json(&done(at, &words.split_whitespace().collect::<Vec<_>>()));
+    let value = |said: &serde_json::Value, name: &str| parameter(said, name)["value"].as_f64();
+    let replayed = said("replay RR.cap --to desktop --json");
+    let watched = said("monitor RR.cap --speed 0 --json");
+    for known in replayed["parameters"].as_array().unwrap() {
+        let name = known["name"].as_str().unwrap();
+        let [one, std] = ["value", "std"].map(|key| known[key].as_f64().unwrap());
+        let other = value(&watched, name).unwrap();
+        assert!(
+            (one - other).abs() < 1e-3 * std,
+            "{name}: {one} {other} ± {std}"
+        );
+    }
+    let counted = &watched["counters"]["legs"][leg.index()];
+    assert_eq!(counted["samples"], replayed["legs"][0]["played"]);
+    let identified = said("identify RR.cap --json");
+    for name in ["viscous:RR_hip", "coulomb:RR_thigh", "armature:RR_calf"] {
+        let std = parameter(&identified, name)["std"].as_f64().unwrap();
+        let [one, other] = [&identified, &watched].map(|said| value(said, name).unwrap());
+        assert!(
+            (one - other).abs() < 3.0 * std,
+            "{name}: {one} {other} ± {std}"
+        );
+    }
+    said("diagnose RR.cap --json");
+    said("identify RR.cap -o RR.toml --json");
+    said("compare later.cap -m RR.toml --json");
+    // At the pace of its time, until the user has seen enough.
+    let begun = std::time::Instant::now();
+    let part = said("monitor RR.cap --speed 5 --seconds 4 --json");
+    assert!(begun.elapsed().as_secs_f64() > 0.7);
+    let samples = &part["counters"]["legs"][leg.index()]["samples"];
+    assert!(
+        (1_900..2_100).contains(&samples.as_u64().unwrap()),
+        "{samples}"
+    );
+    // What is known of a bus has to be in it for any of them.
+    fs::write(at.join("unknown.cap"), capture()).unwrap();
+    for command in ["monitor", "identify", "diagnose"] {
+        let said = stderr(&proprio(at, &[command, "unknown.cap"]));
+        assert!(said.contains("does not say of which leg"), "{said}");
+    }
+}
+
+/// A motor at the end of its temperature's scale is named, and a log has no temperature of it.
+#[test]
+fn a_motor_at_the_end_of_its_temperature_scale_is_named() {
+    let folder = folder();
+    let at = folder.path();
+    let facts = Facts {
+        leg: Some(Leg::FR),
+        told: Told::Angles,
+    };
+    let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+    for (n, step) in Robot::new(&[Leg::FR], typical(&[Leg::FR]), 2)
+        .steps()
+        .take(2_000)
+        .enumerate()
+    {
+        let step = step.unwrap();
+        let mut bytes = step.buses[0].clone();
+        // The thigh's reply: the second of three pairs.
+        let reply = Command::LEN + (Command::LEN + Reply::LEN);
+        let hot = if n < 500 { 60 } else { Reply::TOP_TEMPERATURE };
+        let thigh = &mut bytes[reply..reply + Reply::LEN];
+        thigh[11] = hot.to_le_bytes()[0];
+        let crc = checksum(SEED_STANDALONE, &thigh[..14]);
+        thigh[14..].copy_from_slice(&crc.to_le_bytes());
+        writer.record(step.time_us, &bytes).unwrap();
+    }
+    fs::write(at.join("FR.cap"), writer.finish().unwrap()).unwrap();
+    let explained = proprio(at, &["capture", "--explain", "FR.cap"]);
+    let said = stderr(&explained);
+    assert!(said.contains("motor 1: reports 127 °C"), "{said}");
+    let imported = proprio(at, &["import", "FR.cap", "-o", "log.csv"]);
+    let said = stderr(&imported);
+    assert!(said.contains("temp/FR_thigh is 127 °C at cycle"), "{said}");
+    assert!(said.contains("of 1 joint are unknown in up to"), "{said}");
+    let log = fs::read_to_string(at.join("log.csv")).unwrap();
+    let mut rows = log.lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let names = rows.next().unwrap();
+    let thigh = names.iter().position(|name| *name == "temp/FR_thigh");
+    let temperatures: Vec<&str> = rows.map(|row| row[thigh.unwrap()]).collect();
+    assert_eq!((temperatures[0], temperatures[600]), ("60", "NaN"));
+    assert!(!temperatures.contains(&"127"));
 }

@@ -233,7 +233,7 @@ fn a_recording_of_other_messages_no_port_and_no_recording_are_refused() {
     fs::write(folder.path().join("y"), "t,q\n").unwrap();
     for (source, part, hint) in [
         ("x", "recorded under schema 00", "watch it with the proprio"),
-        ("y", "no recording of a device's messages", "--record FILE"),
+        ("y", "no joint is recorded", "a joint needs position"),
         ("/dev/no-such-port", "/dev/no-such-port", "group dialout"),
     ] {
         let output = proprio(folder.path(), &["monitor", source]);

@@ -116,6 +116,28 @@ impl Run {
         Some(Self { messages, report })
     }
 
+    /// Checks that the lights show each stage of the start in its order, and then that steps are done.
+    fn shows_its_start(&self) {
+        let shown: Vec<(u64, Vec<String>)> =
+            serde_json::from_value(self.report["lights"].clone()).unwrap();
+        let mut states = shown.iter();
+        // The drivers; the legs' analysis and the flash; none; a step, the first of which changes the green light, and the next half a second later.
+        let stages: [&[&str]; 5] = [
+            &["red", "yellow"],
+            &["green", "red"],
+            &[],
+            &["green"],
+            &["yellow"],
+        ];
+        let begun = stages.map(|stage| states.find(|(_, lit)| *lit == *stage).map(|(at, _)| *at));
+        let [drivers, memory, done, green, off] = begun.map(|at| at.expect("a stage is not shown"));
+        assert!(
+            drivers < memory && memory < done && done < green,
+            "{shown:?}"
+        );
+        assert!((499_000..502_500).contains(&(off - green)), "{shown:?}");
+    }
+
     fn hellos(&self) -> Vec<&Hello> {
         let hellos = self.messages.iter().filter_map(|message| match message {
             DeviceMessage::Hello(hello) => Some(hello),
@@ -210,6 +232,7 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     let Some(run) = Run::new(end_us as f64 * 1e-6, &events, &[]) else {
         return;
     };
+    run.shows_its_start();
     let hellos = run.hellos();
     assert_eq!(hellos[0].clock, Clock::Crystal);
     assert_eq!(hellos[0].zeros, [[Zero::Unknown; 3]; 4]);
@@ -284,6 +307,7 @@ fn the_nucleos_image_starts_without_its_crystal_and_tells_a_zero_that_is_void() 
     let Some(run) = Run::new(1.0, &events, &["no-hse"]) else {
         return;
     };
+    run.shows_its_start();
     let hellos = run.hellos();
     assert_eq!(hellos[0].clock, Clock::Internal);
     let zeros: Vec<_> = hellos.iter().map(|hello| hello.zeros[0]).collect();

@@ -1,8 +1,13 @@
 //! What is counted alike of a robot that hangs and of one that walks.
 
 use crate::bus::Listener;
+use crate::go2::{Go2, JOINTS_PER_LEG};
+use crate::robot::{Robot, places};
 use crate::slot::Slot;
 use crate::wire::{LegCounters, Load, Losses};
+
+/// The place of each joint's motor in a polling cycle.
+const MOTORS: [usize; JOINTS_PER_LEG] = places(<Go2 as Robot<JOINTS_PER_LEG>>::MOTOR_IDS);
 
 /// What is told without a host: sums that grow, and wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,6 +35,7 @@ pub(super) fn heard(listener: &Slot<Listener>, own: LegCounters) -> LegCounters 
         motor_faults: cycles.motor_faults,
         overheated: cycles.overheated,
         stuck: cycles.stuck,
+        temperatures: MOTORS.map(|motor| listener.temperature(motor)),
         ..own
     }
 }

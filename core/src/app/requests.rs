@@ -108,8 +108,7 @@ impl<T: Real> App<T> {
                 false => Outcome::NoStorage,
             };
         }
-        self.settings = self.settings.wrapping_add(1);
-        match action {
+        let outcome = match action {
             Action::Keep => Outcome::Accepted,
             Action::Reset => {
                 self.reset(memory);
@@ -130,11 +129,17 @@ impl<T: Real> App<T> {
                 self.listens_to = legs;
                 // Who listens is told by the hello.
                 self.hello_at = 0;
-                Outcome::Accepted
+                // No snapshot has it.
+                return Outcome::Accepted;
             }
             Action::SetPositions(positions) => {
+                let mut others = false;
                 let legs = self.legs.iter_mut().zip(&mut memory.0);
-                legs.for_each(|(leg, data)| leg.set_positions(data, positions));
+                legs.for_each(|(leg, data)| others |= leg.set_positions(data, positions));
+                if !others {
+                    // A host says so whenever it begins: flash wears.
+                    return Outcome::Accepted;
+                }
                 self.keep_zeros()
             }
             Action::SetZero(asked) => self.set_zero(memory, &asked, now_us),
@@ -157,7 +162,11 @@ impl<T: Real> App<T> {
                     false => Outcome::NoZero,
                 }
             }
+        };
+        if outcome == Outcome::Accepted {
+            self.settings = self.settings.wrapping_add(1);
         }
+        outcome
     }
 
     /// Takes a joint's angle to be what the host says.

@@ -130,6 +130,13 @@ impl<const M: usize> Assembler<M> {
         self.encoders.get(motor)?.state()
     }
 
+    /// The temperature that a motor has said last, °C, by its place among the ids; zero of one that was not heard.
+    pub(super) fn temperature(&self, motor: usize) -> i8 {
+        self.cycle
+            .get(motor)
+            .map_or(0, |heard| heard.reply.temperature)
+    }
+
     pub(super) fn counters(&self) -> AssemblyCounters {
         self.counters
     }

@@ -176,6 +176,8 @@ impl Reply {
     pub const LEN: usize = 16;
     /// First two bytes.
     pub const HEADER: [u8; 2] = [0xFD, 0xEE];
+    /// The end of the temperature's scale, °C, which no motor survives: it is hotter than it can say, or has no sensor.
+    pub const TOP_TEMPERATURE: i8 = i8::MAX;
 
     /// All zeros, a constant.
     pub(super) const ZERO: Self = Self {

@@ -80,6 +80,12 @@ impl<const M: usize> Listener<M> {
         self.assembler.motor(motor)
     }
 
+    /// The temperature that a motor has said last, °C, by its place among the ids; zero of one that was not heard. At
+    /// [`Reply::TOP_TEMPERATURE`] it is none.
+    pub fn temperature(&self, motor: usize) -> i8 {
+        self.assembler.temperature(motor)
+    }
+
     /// What is known of the polling.
     pub fn schedule(&self) -> &Schedule<M> {
         self.assembler.schedule()

@@ -1,6 +1,8 @@
 //! A simulated bus, whose every reply carries its cycle's number: which cycles become whole, and that none is mixed.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::println;
 use std::vec::Vec;
 
 use proptest::prelude::*;
@@ -90,23 +92,36 @@ impl Polling {
 fn play(
     polling: &Polling,
     cycles: u64,
-    mut damage: impl FnMut(u64, &mut Vec<u8>, &mut Random),
+    damage: impl FnMut(u64, &mut Vec<u8>, &mut Random),
 ) -> (BTreeMap<i32, Cycle>, Listener) {
-    let (mut random, mut queue, mut listener) = (Random(7), Queue::new(), Listener::new());
     let mut heard = BTreeMap::new();
+    let listener = listen(polling, cycles, damage, |cycle| {
+        let numbers = cycle.map(|heard| heard.reply.position);
+        assert!(
+            numbers.iter().all(|n| *n == numbers[0]),
+            "{polling:?}: mixed {cycle:?}"
+        );
+        assert!(
+            heard.insert(numbers[0], *cycle).is_none(),
+            "{} twice",
+            numbers[0]
+        );
+    });
+    (heard, listener)
+}
+
+/// The same, each cycle that the listener gives to `hear`.
+fn listen(
+    polling: &Polling,
+    cycles: u64,
+    mut damage: impl FnMut(u64, &mut Vec<u8>, &mut Random),
+    mut hear: impl FnMut(&Cycle),
+) -> Listener {
+    let (mut random, mut queue, mut listener) = (Random(7), Queue::new(), Listener::new());
     let mut tick = TICK_US;
     let mut drain = |queue: &mut Queue, listener: &mut Listener| {
-        while let Some(cycle) = listener.next(queue, &mut { ENDLESS }).copied() {
-            let numbers = cycle.map(|heard| heard.reply.position);
-            assert!(
-                numbers.iter().all(|n| *n == numbers[0]),
-                "{polling:?}: mixed {cycle:?}"
-            );
-            assert!(
-                heard.insert(numbers[0], cycle).is_none(),
-                "{} twice",
-                numbers[0]
-            );
+        while let Some(cycle) = listener.next(queue, &mut { ENDLESS }) {
+            hear(cycle);
         }
     };
     for n in 0..cycles {
@@ -121,7 +136,7 @@ fn play(
     }
     drain(&mut queue, &mut listener);
     assert_eq!(queue.lost(), 0);
-    (heard, listener)
+    listener
 }
 
 /// All the ways of polling that a listener must not depend on.
@@ -296,6 +311,139 @@ fn lost_and_damaged_bytes_mix_no_cycles() {
             );
         }
     }
+}
+
+/// Changes or drops a frame.
+type Damage = fn(&mut Vec<u8>, &mut Random);
+
+/// What may happen to a frame.
+const DAMAGES: [(&str, Damage); 8] = [
+    ("its last byte is lost", |bytes, _| {
+        bytes.pop();
+    }),
+    ("it is cut short", |bytes, random| {
+        bytes.truncate(place(bytes, random));
+    }),
+    ("it is lost", |bytes, _| bytes.clear()),
+    ("a byte in it is lost", |bytes, random| {
+        bytes.remove(place(bytes, random));
+    }),
+    ("a byte of it comes twice", |bytes, random| {
+        let at = place(bytes, random);
+        bytes.insert(at, bytes[at]);
+    }),
+    ("a byte of it is another", |bytes, random| {
+        let at = place(bytes, random);
+        bytes[at] ^= 1 + (random.next() % 255) as u8;
+    }),
+    ("four bytes of it are others", |bytes, random| {
+        for _ in 0..4 {
+            let at = place(bytes, random);
+            bytes[at] ^= 1 + (random.next() % 255) as u8;
+        }
+    }),
+    ("any of these", |bytes, random| {
+        let others = DAMAGES.len() as u64 - 1;
+        DAMAGES[(random.next() % others) as usize].1(bytes, random);
+    }),
+];
+
+fn place(bytes: &[u8], random: &mut Random) -> usize {
+    (random.next() % bytes.len() as u64) as usize
+}
+
+/// What becomes of polling cycles of which a fifth of the frames are damaged.
+#[derive(Debug, Default)]
+struct Damaged {
+    /// Cycles of which all three replies came as they were sent.
+    whole: u64,
+    samples: u64,
+    /// Samples of replies that were sent, in two cycles.
+    mixed: u64,
+    /// Samples with a reply that was never sent, whose checksum is right by chance: of many wrong bytes one frame in 65536 has such.
+    never_sent: u64,
+}
+
+impl Damaged {
+    /// Plays `cycles` of this polling, damaged from the first on.
+    fn play(&mut self, polling: &Polling, cycles: u64, damage: Damage) {
+        // What was sent last, by cycle and id, and how many replies of it came whole.
+        const KEPT: usize = 64;
+        let sent = RefCell::new([[Reply::default(); 16]; KEPT]);
+        let (mut whole, mut intact) = (0, 0);
+        let spoil = |n: u64, bytes: &mut Vec<u8>, random: &mut Random| {
+            let reply = bytes
+                .first_chunk()
+                .filter(|bytes| bytes.starts_with(&Reply::HEADER));
+            let reply = reply.map(Reply::parse);
+            if let Some(reply) = reply {
+                let id = usize::from(reply.mode.id());
+                sent.borrow_mut()[n as usize % KEPT][id] = reply;
+            }
+            let spoilt = random.share() < 0.2;
+            if reply.is_some_and(|reply| reply.mode.id() == polling.order[0]) {
+                intact = 0;
+            }
+            if spoilt {
+                damage(bytes, random);
+            } else if reply.is_some() {
+                intact += 1;
+                whole += u64::from(intact == 3);
+            }
+        };
+        listen(polling, cycles, spoil, |cycle| {
+            let sent = sent.borrow();
+            let is_sent = |Heard { reply, .. }: &Heard| {
+                let of = reply.position.rem_euclid(KEPT as i32) as usize;
+                sent[of][usize::from(reply.mode.id())] == *reply
+            };
+            let first = cycle[0].reply.position;
+            self.samples += 1;
+            if !cycle.iter().all(is_sent) {
+                self.never_sent += 1;
+            } else if cycle.iter().any(|heard| heard.reply.position != first) {
+                self.mixed += 1;
+            }
+        });
+        self.whole += whole;
+    }
+}
+
+/// Of so many cycles for each kind of damage, polled in all ways: none is mixed, and most that are whole on the wire become samples.
+fn mixes_nothing(cycles: u64) {
+    let pollings = pollings();
+    for (what, damage) in DAMAGES {
+        let mut all = Damaged::default();
+        for polling in &pollings {
+            all.play(polling, cycles.div_ceil(pollings.len() as u64), damage);
+        }
+        let Damaged {
+            whole,
+            samples,
+            mixed,
+            never_sent,
+        } = all;
+        println!("| {what} | {cycles} | {whole} | {samples} | {mixed} | {never_sent} |");
+        assert_eq!(mixed, 0, "{what}: {all:?}");
+        assert!(samples as f64 > 0.95 * whole as f64, "{what}: {all:?}");
+        assert!(
+            never_sent as f64 <= 3.0 + 1e-5 * cycles as f64,
+            "{what}: {all:?}"
+        );
+    }
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
+fn damaged_frames_mix_no_cycles() {
+    mixes_nothing(25_000);
+}
+
+/// Ten million cycles: the table of `studies/board.md`, "Mixed samples".
+#[test]
+#[ignore = "15 s: cargo test -p proprio-core --lib -- --ignored --nocapture ten_million"]
+fn ten_million_damaged_cycles_mix_none() {
+    mixes_nothing(1_250_000);
 }
 
 #[test]

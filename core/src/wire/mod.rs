@@ -365,6 +365,9 @@ pub struct LegCounters {
     pub overheated: u32,
     /// Replies of a motor whose position stays where it is though speed or torque say otherwise; their cycles are in no sample.
     pub stuck: u32,
+    /// What each joint's motor said last of its temperature, °C; zero before that. At 127, the end of its scale, it is hotter than it
+    /// can say, or has no sensor. No estimate depends on it.
+    pub temperatures: [i8; JOINTS_PER_LEG],
     /// Polling cycles left out because more came than steps have time for.
     pub surplus: u32,
     /// Samples assembled: three good replies of one polling cycle, brought to one time.
@@ -410,6 +413,7 @@ impl LegCounters {
         motor_faults: 0,
         overheated: 0,
         stuck: 0,
+        temperatures: [0; JOINTS_PER_LEG],
         surplus: 0,
         samples: 0,
         unplaced: 0,

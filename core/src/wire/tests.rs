@@ -86,6 +86,7 @@ fn largest() -> [DeviceMessage; 9] {
         motor_faults: m,
         overheated: m,
         stuck: m,
+        temperatures: [i8::MIN; 3],
         surplus: m,
         samples: m,
         unplaced: m,

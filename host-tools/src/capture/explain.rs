@@ -10,9 +10,17 @@ use proprio_core::robot::Robot;
 use serde::Serialize;
 
 use super::{CaptureError, CaptureReader, Facts, LATE_US, Told};
+use crate::device::names::words_of_top_temperature;
 
 /// Bytes given to the listener at once: what its queue always has room for.
 const PART: usize = 256;
+
+/// What a UART reads of the headers FE EE and FD EE where A and B are swapped. Every bit is then inverted: a start bit is high, as an idle line
+/// is, and a byte seems to begin at the first data bit that is 1, up to the same bit of the next byte.
+const SWAPPED: [[u8; 2]; 2] = [[0x80, 0x84], [0x01, 0x84]];
+/// One header in so many bytes is no chance where no frame is good: a polling cycle has one in 23 where frames have pauses between them, and
+/// one in 33 where they have none (simulated); random bytes have one in 33 000.
+const SWAPPED_BYTES: u64 = 200;
 
 /// Ids that a reply can carry.
 const IDS: usize = 16;
@@ -40,6 +48,8 @@ pub struct Explanation {
     pub short: u32,
     /// Bytes in no good frame.
     pub skipped_bytes: u32,
+    /// Headers of frames as they are read where A and B are swapped.
+    pub swapped_headers: u64,
     /// Seed of the commands' checksums.
     pub command_seed: Option<u16>,
     /// The motors that answer, by ascending id.
@@ -190,11 +200,16 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
     };
     let (mut queue, mut listener) = (Queue::of_adapter(LATE_US), <Listener>::new());
     let (mut records, mut bytes, mut cycles) = (0, 0, 0);
+    let (mut swapped_headers, mut before) = (0, 0);
     let mut span: Option<[u64; 2]> = None;
     while let Some(record) = capture.next_record()? {
         records += 1;
         bytes += record.bytes.len() as u64;
         span.get_or_insert([record.time_us; 2])[1] = record.time_us;
+        for &byte in &record.bytes {
+            swapped_headers += u64::from(SWAPPED.contains(&[before, byte]));
+            before = byte;
+        }
         let mut left = record.bytes.len();
         for part in record.bytes.chunks(PART) {
             left -= part.len();
@@ -237,6 +252,7 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         bad_crc,
         short,
         skipped_bytes,
+        swapped_headers,
         command_seed: listener.decoder().command_seed(),
         motors: motors(&mut frames, &listener, capture.facts()),
         order: match schedule.learnt {
@@ -331,9 +347,14 @@ impl Explanation {
             warnings.push(
                 "nothing was captured: check the wiring, and that the robot is on".to_owned(),
             );
+        } else if frames == 0 && self.swapped_headers * SWAPPED_BYTES > self.bytes {
+            warnings.push(format!(
+                "A and B are swapped: {} headers of frames are inverted, and no frame has a good checksum",
+                self.swapped_headers
+            ));
         } else if frames == 0 {
             warnings.push(format!(
-                "no frame has a good checksum: check the baud rate ({}), and that A and B are not swapped",
+                "no frame has a good checksum: check the baud rate ({}); with A and B swapped there would be inverted headers",
                 self.baud
             ));
         } else if self.replies == 0 {
@@ -355,6 +376,10 @@ impl Explanation {
             ));
         }
         for motor in &self.motors {
+            if motor.temperature[1] == Reply::TOP_TEMPERATURE {
+                let words = words_of_top_temperature();
+                warnings.push(format!("motor {}: {words}", motor.id));
+            }
             if let (Some(joint), Some([least, most]), Some([lower, upper])) =
                 (motor.joint, motor.position, motor.limits)
                 && (least < lower - BEYOND_STOPS || most > upper + BEYOND_STOPS)

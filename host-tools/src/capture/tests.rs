@@ -5,8 +5,7 @@ use proprio_core::bus::{Command, Mode, Reply, position_counts};
 use proprio_core::go2::ACTUATORS;
 
 use super::*;
-
-const BAUD: u32 = 4_000_000;
+use crate::device::serial::BUS_BAUD;
 
 /// Counts at which a leg's third motor is bent by what a calf can be.
 fn calf(id: u8) -> i32 {
@@ -19,7 +18,7 @@ fn calf(id: u8) -> i32 {
 /// A capture of `cycles` cycles of 2 ms, motors 3, 1 and 2 in this order; motor 2 has another seed and 30 µs turn-around, the
 /// others 20 µs. `change` may change a reply's bytes.
 fn capture(cycles: u64, change: impl Fn(u64, u8, &mut Vec<u8>)) -> Vec<u8> {
-    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
     for n in 0..cycles {
         let mut time_us = 5_000 + 2_000 * n;
         for (id, seed, turnaround_us) in [(3, 0, 20), (1, 0, 20), (2, 0xBEEF, 30)] {
@@ -112,9 +111,91 @@ fn faults_and_damage_are_told() {
     );
 }
 
+/// The levels of a line that carries a capture's bytes, bit by bit: high where it is idle, start bit low, bits from the lowest, stop bit high.
+fn levels(capture: &[u8]) -> Vec<bool> {
+    let mut reader = CaptureReader::new(capture, "test".to_owned()).unwrap();
+    let bits_of = |us: u64| us as usize * BUS_BAUD as usize / 1_000_000;
+    let mut line = Vec::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        let begin = bits_of(record.time_us) - 10 * record.bytes.len();
+        line.resize(begin, true);
+        for byte in record.bytes {
+            line.push(false);
+            line.extend((0..8).map(|bit| byte >> bit & 1 == 1));
+            line.push(true);
+        }
+    }
+    line.resize(line.len() + 100, true);
+    line
+}
+
+/// What a UART makes of a line, as a capture: it waits for a falling edge and looks at the middle of each bit, which it takes to be `bit` of the
+/// line's long. A byte whose stop bit is low is kept, as Linux keeps it of a raw port, and the next may begin with that bit.
+fn received(line: &[bool], bit: f64) -> Vec<u8> {
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
+    let mut at = 1;
+    while at < line.len() {
+        if !line[at - 1] || line[at] {
+            at += 1;
+            continue;
+        }
+        let middle = |n: u8| at + ((f64::from(n) + 0.5) * bit) as usize;
+        let level = |n: u8| line.get(middle(n)).copied().unwrap_or(true);
+        let byte = (0..8).fold(0, |byte, n| byte | u8::from(level(1 + n)) << n);
+        at = middle(9);
+        let time_us = at as u64 * 1_000_000 / u64::from(BUS_BAUD);
+        writer.record(time_us, &[byte]).unwrap();
+    }
+    writer.finish().unwrap()
+}
+
+#[test]
+fn a_and_b_that_are_swapped_are_told() {
+    let cycles = 100;
+    // A leg at rest, and one whose numbers are all but arbitrary.
+    let changes: [fn(u64, u8, &mut Vec<u8>); 2] = [
+        |_, _, _| {},
+        |n, id, bytes| {
+            let some = (n * 0x9E37_79B9 + u64::from(id) * 0x85EB_CA6B).to_le_bytes();
+            bytes[3..11].copy_from_slice(&some);
+        },
+    ];
+    for change in changes {
+        let right = levels(&capture(cycles, change));
+        let said = explained(&received(&right, 1.0));
+        assert_eq!(u64::from(said.commands), 3 * cycles);
+        assert!(said.swapped_headers < 10, "{}", said.swapped_headers);
+        // Swapped, a receiver takes a line that nobody drives for low or, being fail-safe, for high.
+        let low: Vec<bool> = right.iter().map(|level| !level).collect();
+        let mut high = low.clone();
+        for idle in high
+            .chunk_by_mut(|a, b| a == b)
+            .filter(|run| run.len() > 10)
+        {
+            idle.fill(true);
+        }
+        for swapped in [low, high] {
+            let said = explained(&received(&swapped, 1.0));
+            let warned = &said.warnings[0];
+            assert!(warned.contains("A and B are swapped"), "{warned}");
+            assert!(
+                said.swapped_headers >= 3 * cycles,
+                "{}",
+                said.swapped_headers
+            );
+        }
+        // Nor is another baud rate taken for that.
+        for bit in [0.25, 0.5, 0.75, 4.0 / 3.0, 2.0] {
+            let said = explained(&received(&right, bit));
+            let warned = &said.warnings[0];
+            assert!(warned.contains("check the baud rate"), "{bit}: {warned}");
+        }
+    }
+}
+
 #[test]
 fn a_wrong_baud_rate_and_silence_are_told() {
-    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
     let garbage: Vec<u8> = (0..5000u32).map(|n| ((n * n * 31) >> 3) as u8).collect();
     writer.record(1000, &garbage).unwrap();
     let said = explained(&writer.finish().unwrap());
@@ -124,7 +205,7 @@ fn a_wrong_baud_rate_and_silence_are_told() {
         said.warnings
     );
     let said = explained(
-        &CaptureWriter::new(Vec::new(), BAUD)
+        &CaptureWriter::new(Vec::new(), BUS_BAUD)
             .unwrap()
             .finish()
             .unwrap(),
@@ -189,7 +270,7 @@ fn what_a_port_brings_is_recorded() {
         .set_timeout(std::time::Duration::from_millis(1))
         .unwrap();
     let sent: Vec<u8> = (0..=255).collect();
-    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
     master.write_all(&sent).unwrap();
     let captured = record(&mut slave, &mut writer, Instant::now(), |captured| {
         captured.bytes < 256

@@ -15,8 +15,9 @@ use crate::device::power_up::PowerUp;
 use crate::device::serial::SerialDevice;
 use crate::device::{Desktop, Device, Qemu, Robot, WalkingDesktop, image};
 use crate::live::{self, Address, Counts, Until};
+use crate::log::{LogReader, Selection};
 use crate::monitor::web::Server;
-use crate::monitor::{Feed, JournalReader, JournalWriter, Live, Source};
+use crate::monitor::{Feed, JournalError, JournalReader, JournalWriter, Live, Source};
 use crate::name::leg_named;
 use crate::output::WriteError;
 use clap::Args;
@@ -48,7 +49,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 ///
 /// `qemu` builds the firmware and boots it on an emulated board with a simulated robot; `sim` runs its code in this process,
 /// which needs no emulator. `dds` gives that code a robot's own network, as `record` does; LEG=PORT the motor buses that adapters listen to; `-` rows
-/// of CSV on standard input. Anything else is a board's serial port, or a file that --record made.
+/// of CSV on standard input; a log of any format is played to it. Anything else is a board's serial port, or a file that --record made.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio monitor sim
@@ -58,6 +59,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor FR=/dev/ttyUSB0 --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
+  proprio monitor FR.cap --speed 10
   proprio monitor sim --memory 600
   proprio monitor sim --power-up 1 --speed 0 --seconds 5 --lines
   proprio monitor /dev/ttyACM0 --legs FR,FL --prior viscous:FR_hip=0.04,0.01 --body FR_calf=0.5
@@ -67,7 +69,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 pub(crate) struct Monitor {
     /// Whose messages
     #[arg(
-        value_name = "PORT|LEG=PORT...|dds[:IFACE][/TOPIC]|-|qemu|sim|FILE",
+        value_name = "PORT|LEG=PORT...|dds[:IFACE][/TOPIC]|-|qemu|sim|LOG|FILE",
         required = true
     )]
     source: Vec<String>,
@@ -76,7 +78,7 @@ pub(crate) struct Monitor {
     record: Option<PathBuf>,
     #[command(flatten)]
     dds: DdsArguments,
-    /// Of `dds` or -: the robot stands or walks. Its mass, trunk, legs and friction are estimated from its joints, IMU and feet
+    /// Of `dds`, - or a log: the robot stands or walks. Its mass, trunk, legs and friction are estimated from its joints, IMU and feet
     #[arg(long, visible_alias = "floating-base", conflicts_with_all = ["memory", "prior", "body", "legs", "hide", "power_up"])]
     free_base: bool,
     #[command(flatten)]
@@ -84,7 +86,7 @@ pub(crate) struct Monitor {
     /// End after so much of the device's time
     #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
     seconds: Option<f64>,
-    /// How fast a simulated robot or a recording runs; 0: as fast as it goes
+    /// How fast a simulated robot, a log or a recording runs; 0: as fast as it goes
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = super::simulate::within(0.0, 1000.0))]
     speed: f64,
     /// What the simulated robot has beside usual friction [default: quadratic_drag:FR_calf=0.05]
@@ -185,16 +187,27 @@ impl Monitor {
     /// Opens the source; what takes long or fails is said before there is a screen.
     fn open(&self) -> Result<Source, Error> {
         let address = Address::parse(&self.source);
-        if self.free_base && !matches!(address, Some(Address::Dds(_) | Address::Text)) {
-            let why = "--free-base is of `dds` and -; a board of a robot that walks has the firmware of `proprio flash --walking`".to_owned();
+        let file = match &self.source[..] {
+            [name] if address.is_none() => {
+                Some(Path::new(name)).filter(|path| path.is_file() || path.is_dir())
+            }
+            _ => None,
+        };
+        let messages = file.map(messages).transpose()?.flatten();
+        let log = file.filter(|_| messages.is_none());
+        let takes_walks = log.is_some() || matches!(address, Some(Address::Dds(_) | Address::Text));
+        if self.free_base && !takes_walks {
+            let why = "--free-base is of `dds`, - and logs; a board of a robot that walks has the firmware of `proprio flash --walking`".to_owned();
             super::usage_error("monitor", ErrorKind::ArgumentConflict, why);
         }
-        match address {
-            Some(Address::Simulated) => {
+        match (address, messages, log) {
+            (Some(Address::Simulated), ..) => {
                 return self.simulated(Box::new(Desktop::<f64>::new()));
             }
-            Some(address) => return self.live(&address),
-            None => {}
+            (Some(address), ..) => return self.live(&address),
+            (None, Some(messages), _) => return Ok(Source::Recording(messages)),
+            (None, None, Some(log)) => return self.log(log),
+            (None, None, None) => {}
         }
         let [source] = &self.source[..] else {
             let why = "one source, or one LEG=PORT for each leg".to_owned();
@@ -204,9 +217,6 @@ impl Monitor {
             "qemu" => {
                 let image = image::build(image::Scalar::F64)?;
                 self.simulated(Box::new(Qemu::boot(&image)?))?
-            }
-            file if Path::new(file).is_file() => {
-                Source::Recording(JournalReader::open(Path::new(file))?)
             }
             port => Source::Board(
                 Box::new(SerialDevice::open(port, [None; 4])?),
@@ -224,11 +234,22 @@ impl Monitor {
         let source = live::Source::open(address, self.dds.network(), &facts, &until, &counts)?;
         let name = PathBuf::from(self.source.join(" "));
         let live = Live::follow(name, source, self.free_base, until, counts)?;
-        let device: Box<dyn Device + Send> = match self.free_base {
+        Ok(Source::Live(self.device(), live))
+    }
+
+    fn log(&self, path: &Path) -> Result<Source, Error> {
+        // What is no log is refused before there is a screen.
+        LogReader::open(path, Selection::Motion)?;
+        let rows = Live::of_log(path.to_owned(), self.free_base)?;
+        Ok(Source::Log(self.device(), rows))
+    }
+
+    /// The device in this process.
+    fn device(&self) -> Box<dyn Device + Send> {
+        match self.free_base {
             true => Box::new(WalkingDesktop::<f64>::new()),
             false => Box::new(Desktop::<f64>::new()),
-        };
-        Ok(Source::Live(device, live))
+        }
     }
 
     fn simulated(&self, device: Box<dyn Device + Send>) -> Result<Source, Error> {
@@ -250,6 +271,18 @@ impl Monitor {
         let robot = Robot::new(&legs, effects, self.seed);
         let robot = robot.after(self.power_up.map_or(PowerUp::NONE, PowerUp::random));
         Ok(Source::Simulated(device, Box::new(robot)))
+    }
+}
+
+/// A recording of a device's messages, if that is what the file is.
+fn messages(path: &Path) -> Result<Option<JournalReader>, JournalError> {
+    if path.is_dir() {
+        return Ok(None);
+    }
+    match JournalReader::open(path) {
+        Ok(messages) => Ok(Some(messages)),
+        Err(JournalError::NotMessages(_)) => Ok(None),
+        Err(error) => Err(error),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a device's numbers mean: which joint, which effect, which parameter.
 
+use proprio_core::bus::Reply;
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{JointId, Leg};
@@ -45,6 +46,14 @@ pub fn words_of_zero(zero: Zero) -> &'static str {
         Zero::Jumped => "unknown: the position jumped",
         Zero::Exchanged => "unknown: the position is another motor's",
     }
+}
+
+/// What a temperature at the top of a motor's scale ([`Reply::TOP_TEMPERATURE`]) means, in words that go on from the motor's name.
+pub fn words_of_top_temperature() -> String {
+    let top = Reply::TOP_TEMPERATURE;
+    format!(
+        "reports {top} °C, the top of its scale: it is too hot, or has no sensor; let it cool, or check the motor"
+    )
 }
 
 /// What a device knows of a leg's wiring, in words that go on from its name: what is wrong, and what to do.

@@ -6,7 +6,8 @@
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-use proprio_core::go2::LEGS;
+use proprio_core::go2::{Go2, JOINTS_PER_LEG, LEGS};
+use proprio_core::robot::Robot;
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 use serialport::SerialPort;
 
@@ -16,7 +17,7 @@ use super::{BusStep, Device, DeviceError};
 /// Baud rate of the host link.
 pub const HOST_BAUD: u32 = 921_600;
 /// Baud rate of the motor bus.
-pub const BUS_BAUD: u32 = 4_000_000;
+pub const BUS_BAUD: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BAUD;
 
 /// A board.
 pub struct SerialDevice {

@@ -37,6 +37,7 @@
 //! - `source`: files of many formats as one thing: named cells, row after row
 //! - `stamps`: time stamps of a recorder that falls behind, put right
 //! - `table`: any file of rows as numbers by name: what is no log of samples, such as poses
+//! - `temperatures`: temperatures at the end of their scale, which are none
 //! - `warning`: what a user should know about a log that can still be used
 //! - `writer`: writing a log
 
@@ -59,6 +60,7 @@ mod slots;
 mod source;
 mod stamps;
 mod table;
+mod temperatures;
 mod warning;
 mod writer;
 

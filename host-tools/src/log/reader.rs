@@ -11,6 +11,7 @@ use super::row::Row;
 use super::slots::TIME;
 use super::source::{self, Source};
 use super::stamps::Stamps;
+use super::temperatures::Temperatures;
 use super::warning::Warning;
 use crate::model::Robot;
 
@@ -40,6 +41,7 @@ pub struct LogReader {
     /// The file has no more rows, or what is wrong with the next one.
     end: Option<Option<LogError>>,
     checks: Checks,
+    temperatures: Temperatures,
 }
 
 impl LogReader {
@@ -92,6 +94,7 @@ impl LogReader {
             stamps: stamps(&columns, source.unit()),
             end: None,
             checks: Checks::new(&columns, source.unit()),
+            temperatures: Temperatures::new(&columns, source.unit()),
             columns,
             source,
         })
@@ -145,6 +148,7 @@ impl LogReader {
                     if let Some(motors) = &self.columns.motors {
                         motors.apply(&mut self.read);
                     }
+                    self.temperatures.leave_out(number, &mut self.read);
                     self.admission.push(number, &self.read);
                 }
                 Ok(None) => self.end = Some(None),
@@ -167,6 +171,7 @@ impl LogReader {
             return Err(LogError::new(&self.path, problem).at(Some(place)));
         }
         warnings.extend(self.admission.warnings(&self.columns));
+        warnings.extend(self.temperatures.warning(&self.columns));
         warnings.extend(self.stamps.warning());
         warnings.extend(self.checks.finish(&self.path, &self.columns)?);
         Ok(warnings)

@@ -64,6 +64,21 @@ pub enum Warning {
         /// What it holds there.
         value: f64,
     },
+    /// Temperatures at the end of a motor's scale: they are taken for none.
+    NoTemperature {
+        /// How many joints have such.
+        joints: usize,
+        /// How many the joint with most of them.
+        most: u64,
+        /// Of how many rows.
+        rows: u64,
+        /// The first.
+        first: Place,
+        /// Its column.
+        column: String,
+        /// What it is, °C.
+        value: f64,
+    },
     /// A bag has more than one topic of joint states.
     OtherTopics {
         /// The one that was read.
@@ -160,6 +175,19 @@ impl fmt::Display for Warning {
                 column,
                 *value,
             )),
+            Self::NoTemperature {
+                joints,
+                most,
+                rows,
+                first,
+                column,
+                value,
+            } => write!(
+                f,
+                "{column} is {value} °C at {first}, the end of its scale: the motor is too hot, or has no sensor. The temperatures of {joints} joint{} \
+                 are unknown in up to {most} of {rows} rows",
+                if *joints == 1 { "" } else { "s" }
+            ),
             Self::Cut { last } => write!(
                 f,
                 "the file was cut short: its {last} whole messages are read"

@@ -37,6 +37,8 @@ pub enum Source {
     Board(Box<SerialDevice>, String),
     /// A device in this process that hears a robot live.
     Live(Box<dyn Device + Send>, Live),
+    /// A device in this process that hears a log, at the pace of its time.
+    Log(Box<dyn Device + Send>, Live),
     /// A recording.
     Recording(JournalReader),
 }
@@ -45,7 +47,9 @@ impl Source {
     /// What the device says of itself; of a recording, nothing yet.
     pub fn hello(&self) -> Option<&Hello> {
         match self {
-            Self::Simulated(device, _) | Self::Live(device, _) => Some(device.hello()),
+            Self::Simulated(device, _) | Self::Live(device, _) | Self::Log(device, _) => {
+                Some(device.hello())
+            }
             Self::Board(device, _) => Some(device.hello()),
             Self::Recording(_) => None,
         }
@@ -68,7 +72,7 @@ pub enum Told {
 pub enum Ask {
     /// Pass this on to the device.
     Action(Action),
-    /// Hold the simulated robot or the recording, or let it go on.
+    /// Hold the simulated robot, the log or the recording, or let it go on.
     Pause,
     /// Read the device's factors and write them to this file.
     Factors(PathBuf),
@@ -84,8 +88,8 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Begins, with `first` asked before anything else; a simulated robot or a recording runs `speed` times as fast as real time at
-    /// most, 0: as fast as it goes.
+    /// Begins, with `first` asked before anything else; a simulated robot, a log or a recording runs `speed` times as fast as real time
+    /// at most, 0: as fast as it goes.
     pub fn start(source: Source, speed: f64, first: Vec<Action>) -> Self {
         let (told, heard) = sync_channel(WAITING);
         let (asks, asked) = channel();
@@ -98,7 +102,8 @@ impl Feed {
             let ended = match source {
                 Source::Simulated(device, robot) => listener.feed(device, &robot),
                 Source::Board(device, port) => listener.listen(*device, &port),
-                Source::Live(device, live) => listener.follow(device, &live),
+                Source::Live(device, live) => listener.follow(device, &live, false),
+                Source::Log(device, log) => listener.follow(device, &log, true),
                 Source::Recording(reader) => listener.play(reader),
             };
             // Nobody hears it if the reader is gone.
@@ -346,8 +351,14 @@ impl Listener {
         Ok(())
     }
 
-    /// Has a device hear a robot live. While the robot is silent the device's time stands still, so that what comes late is not before it.
-    fn follow(&mut self, mut device: Box<dyn Device + Send>, live: &Live) -> Result<(), FeedError> {
+    /// Has a device hear a robot live, or a log if it `is_log`, whose rows wait for their time. While the robot is silent the device's time
+    /// stands still, so that what comes late is not before it.
+    fn follow(
+        &mut self,
+        mut device: Box<dyn Device + Send>,
+        live: &Live,
+        is_log: bool,
+    ) -> Result<(), FeedError> {
         let hello = device.hello().clone();
         self.entry(Entry::Message(DeviceMessage::Hello(hello)));
         let mut silent = BusStep::default();
@@ -356,6 +367,9 @@ impl Listener {
         while !self.ended {
             match live.next(LOOK)? {
                 Step::Row(imu, step) => {
+                    if is_log && !self.wait(&mut *device, Duration::from_micros(step.time_us))? {
+                        break;
+                    }
                     if let Some(imu) = imu {
                         device.command(&HostMessage::Imu(imu))?;
                     }
@@ -389,6 +403,21 @@ impl Listener {
             losses.1 = now.1;
         }
         Ok(())
+    }
+
+    /// Waits until `time` of a log comes, passing on what is asked meanwhile: a log may be silent for minutes. False if it is to end.
+    fn wait(&mut self, device: &mut dyn Device, time: Duration) -> Result<bool, FeedError> {
+        loop {
+            self.pass_on(device, &Leg::ALL)?;
+            if !self.goes_on() {
+                return Ok(false);
+            }
+            let left = self.until(time);
+            if left.is_zero() {
+                return Ok(true);
+            }
+            std::thread::sleep(left.min(LOOK));
+        }
     }
 
     /// Has the device estimate all that it has heard.

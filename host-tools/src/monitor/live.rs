@@ -1,6 +1,6 @@
-//! Rows of a live source as steps of motor buses, for the device in this process.
+//! Rows of a live source or of a log as steps of motor buses, for the device in this process.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
@@ -12,13 +12,13 @@ use super::error::FeedError;
 use crate::device::replay::walk_step;
 use crate::device::{BusStep, RowSteps, WalkStep};
 use crate::live::{Counts, LiveError, Source, Until, gathered};
-use crate::log::{LogReader, Selection};
+use crate::log::{LogError, LogReader, Selection};
 use crate::model::Robot;
 
 /// Steps that may wait: two seconds of a robot's.
 const WAITING: usize = 1024;
 
-/// What a live source gave.
+/// What a source of rows gave.
 #[derive(Debug)]
 pub(super) enum Step {
     /// A row that the gate of all logs has let in; of a robot that walks, with what its IMU reads.
@@ -29,7 +29,7 @@ pub(super) enum Step {
     End(Vec<String>),
 }
 
-/// A robot that is followed live.
+/// A robot that is followed, live or in a log.
 pub struct Live {
     steps: Receiver<Result<Step, FeedError>>,
     until: Until,
@@ -48,13 +48,43 @@ impl Live {
         until: Until,
         counts: Counts,
     ) -> Result<Self, LiveError> {
+        let called = name.clone();
+        let open = move |selection, robot: &Robot| {
+            LogReader::follow(&called, source.into_input(), selection, robot)
+        };
+        Self::read(name, open, walks, until, counts)
+    }
+
+    /// Follows the log at `path`, of any format, of a Go2 that `walks` or hangs.
+    ///
+    /// # Errors
+    /// [`LiveError::Thread`].
+    pub fn of_log(path: PathBuf, walks: bool) -> Result<Self, LiveError> {
+        let file = path.clone();
+        let open = move |selection, robot: &Robot| LogReader::open_of(&file, selection, robot);
+        Self::read(path, open, walks, Until::default(), Counts::default())
+    }
+
+    /// Follows what `open` opens, in a thread of its own: a reader stays in the thread that opens it.
+    fn read(
+        name: PathBuf,
+        open: impl FnOnce(Selection, &Robot) -> Result<LogReader, LogError> + Send + 'static,
+        walks: bool,
+        until: Until,
+        counts: Counts,
+    ) -> Result<Self, LiveError> {
         let (send, steps) = sync_channel(WAITING);
         let named = thread::Builder::new().name("rows".to_owned());
         named
             .spawn(move || {
+                let robot = Robot::go2();
                 let end = match walks {
-                    true => read_walk(name, source, &send),
-                    false => read(name, source, &send),
+                    true => open(Selection::Everything, &robot)
+                        .map_err(FeedError::from)
+                        .and_then(|reader| read_walk(&name, reader, &send)),
+                    false => open(Selection::Motion, &robot)
+                        .map_err(FeedError::from)
+                        .and_then(|reader| read(reader, &send)),
                 };
                 // Nobody takes it if the monitor has ended.
                 let _ = send.send(end.map(Step::End));
@@ -90,12 +120,9 @@ impl Drop for Live {
 
 /// Sends each row as a step; what the reader noticed at the end.
 fn read(
-    name: PathBuf,
-    source: Source,
+    mut reader: LogReader,
     send: &SyncSender<Result<Step, FeedError>>,
 ) -> Result<Vec<String>, FeedError> {
-    let robot = Robot::go2();
-    let mut reader = LogReader::follow(&name, source.into_input(), Selection::Motion, &robot)?;
     let legs: Vec<Leg> = reader.columns().legs().collect();
     let mut steps = RowSteps::new(&legs);
     while let Some(row) = reader.next_row()? {
@@ -111,12 +138,10 @@ fn read(
 
 /// The same of a robot that walks.
 fn read_walk(
-    name: PathBuf,
-    source: Source,
+    name: &Path,
+    mut reader: LogReader,
     send: &SyncSender<Result<Step, FeedError>>,
 ) -> Result<Vec<String>, FeedError> {
-    let robot = Robot::go2();
-    let mut reader = LogReader::follow(&name, source.into_input(), Selection::Everything, &robot)?;
     let columns = reader.columns();
     let lacks = match () {
         () if columns.legs().count() < LEGS => Some("not all legs"),

@@ -6,7 +6,7 @@
 //! - `foxglove`: the view for viewers: a WebSocket server of Foxglove's protocol
 //! - `feed`: where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked
 //! - `journal`: all that came from a device, in a file
-//! - `live`: rows of a live source as steps of motor buses, for the device in this process
+//! - `live`: rows of a live source or of a log as steps of motor buses, for the device in this process
 //! - `residual`: a joint's residual of the last second against what it was before
 //! - `web`: the view as a page: a server for browsers on this machine, which streams what is known
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use proprio_core::bus::Reply;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
@@ -10,7 +11,8 @@ use proprio_core::wire::{
 
 use super::residual::Residual;
 use crate::device::names::{
-    parameters_of, place, words_of, words_of_walk, words_of_wiring, words_of_zero,
+    parameters_of, place, words_of, words_of_top_temperature, words_of_walk, words_of_wiring,
+    words_of_zero,
 };
 use crate::estimate::ParameterEstimate;
 use crate::parameter;
@@ -324,8 +326,22 @@ impl View {
         }
     }
 
+    /// Says which motors are at the end of their temperature's scale that were not.
+    fn temperatures(&mut self, before: Option<&Counters>, now: &Counters) {
+        for joint in JointId::all() {
+            let is_at_end = |counters: &Counters| {
+                let leg = &counters.legs[joint.leg().index()];
+                leg.temperatures[joint.place()] == Reply::TOP_TEMPERATURE
+            };
+            if is_at_end(now) && !before.is_some_and(is_at_end) {
+                self.happened(format!("{}: {}", joint.name(), words_of_top_temperature()));
+            }
+        }
+    }
+
     fn counters(&mut self, counters: &Counters) {
         let before = self.counters.replace(*counters);
+        self.temperatures(before.as_ref(), counters);
         let Some(before) = before else { return };
         if counters.time_us < before.time_us {
             self.happened("the device began anew".to_owned());
@@ -568,4 +584,26 @@ fn worst(now: &LegCounters, then: &LegCounters) -> &'static str {
         .iter()
         .max_by_key(growth)
         .map_or("", |(name, _)| *name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motor_at_the_top_of_its_temperature_scale_is_an_event_once() {
+        let (mut view, mut counters) = (View::default(), Counters::default());
+        let top = Reply::TOP_TEMPERATURE;
+        for (temperature, events) in [(40, 0), (top, 1), (top, 1), (top - 1, 1), (top, 2)] {
+            counters.time_us += 100_000;
+            counters.legs[3].temperatures[2] = temperature;
+            view.hear(&DeviceMessage::Counters(counters));
+            assert_eq!(view.events.len(), events, "{:?}", view.events);
+        }
+        assert!(view.events[0].text.starts_with("RL_calf: reports 127 °C"));
+        // It is one from the first on.
+        let mut view = View::default();
+        view.hear(&DeviceMessage::Counters(counters));
+        assert_eq!(view.events.len(), 1);
+    }
 }

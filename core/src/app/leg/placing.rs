@@ -32,14 +32,19 @@ impl<T: Real> LegLine<T> {
         }
     }
 
-    /// Takes positions to be angles, or counts whose zeros are still to be said: what was learnt is of others.
-    pub(in crate::app) fn set_positions(&mut self, data: &mut LegData<T>, positions: Positions) {
+    /// Takes positions to be angles, or counts whose zeros are still to be said: what was learnt is of others. False if they were angles.
+    pub(in crate::app) fn set_positions(
+        &mut self,
+        data: &mut LegData<T>,
+        positions: Positions,
+    ) -> bool {
         if positions == Positions::Absolute && self.zeros() == [Zero::Absolute; JOINTS_PER_LEG] {
-            return;
+            return false;
         }
         self.zeros.set_positions(positions, &mut self.alignment);
         self.try_anew();
         self.forget_motion(data);
+        true
     }
 
     /// Takes a joint's angle to be what the host says.

@@ -10,7 +10,9 @@ use super::super::{App, Memory};
 use super::*;
 use crate::estimator::{DeviceFolds, LEG_INERTIAL};
 use crate::storage::{RamFlash, SECTOR};
-use crate::wire::{Action, Belief, DeviceMessage, EffectAt, HostMessage, Outcome, Request};
+use crate::wire::{
+    Action, Belief, DeviceMessage, EffectAt, HostMessage, Outcome, Positions, Request,
+};
 use embedded_storage::nor_flash::{ErrorType, ReadNorFlash};
 
 const STEP_US: u64 = 2_000;
@@ -355,6 +357,62 @@ fn slots_take_turns_and_the_newest_whole_one_counts() {
         let number = after.device.app.snapshots.newest.get().copied();
         assert_eq!(number, Some((0, 5)), "{place}");
     }
+}
+
+/// Flash wears: a bus that is silent, or of which nothing is learnt, is a reason for no snapshot, however long the power is on, and no more is a
+/// start.
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
+fn nothing_is_written_where_nothing_was_learnt() {
+    // So many periods of snapshots: a day.
+    const DAY: u64 = 144;
+    let silent = |device: &mut Keeping<Flash>| {
+        let (bytes, written) = (device.flash.clone().into_inner(), device.counts());
+        for _ in 0..DAY {
+            device.step += SNAPSHOT_US / STEP_US;
+            // More than the steps in which a snapshot would begin, and erase.
+            device.rest(10);
+        }
+        assert_eq!(device.counts(), written);
+        assert!(device.flash.clone().into_inner() == bytes);
+    };
+    silent(&mut Keeping::start(erased(4)));
+    let mut device = kept();
+    silent(&mut device);
+    // What was learnt since is written once.
+    device.run(1_200);
+    device.step += SNAPSHOT_US / STEP_US;
+    device.rest(LONG);
+    assert_eq!(device.counts(), [2, 0]);
+    silent(&mut device);
+    let mut again = Keeping::start(device.flash);
+    assert_eq!(again.status(), Kept::Restored);
+    silent(&mut again);
+    // What a host asks that changes nothing of what is kept.
+    let beyond = EffectAt { leg: 9, ..VISCOUS };
+    for action in [
+        Action::SetPositions(Positions::Absolute),
+        Action::SetLegs(0b0101),
+        Action::SetLegs(0b1111),
+        Action::DropEffect(beyond),
+        Action::AddEffect(STRIBECK),
+        Action::TrustZeros,
+    ] {
+        again.ask(action);
+        again.rest(10);
+    }
+    silent(&mut again);
+    // Motors that are polled, of which it is unknown from where they count: that is kept once.
+    again.ask(Action::SetPositions(Positions::FromPowerUp));
+    again.rest(LONG);
+    assert_eq!(again.counts(), [1, 0]);
+    for _ in 0..5 {
+        again.step += SNAPSHOT_US / STEP_US;
+        again.run(1_000);
+        assert_eq!(again.counts(), [1, 0]);
+    }
+    let counters = again.device.app.counters(&again.device.memory, 0);
+    assert!(counters.legs.iter().all(|leg| leg.unplaced > 4_000));
 }
 
 /// Flash that refuses most of what it is asked, or all.

@@ -13,6 +13,8 @@ const LIGHTS_US: u64 = 500_000;
 /// | LD1, green (PB0) | changes twice a second: steps are done |
 /// | LD2, yellow (PE1) | samples come, of one leg at least |
 /// | LD3, red (PB14) | lit: something was lost or refused in the last half second. Blinks: the run before ended in a panic, a fault or the watchdog |
+///
+/// Until steps are done they show a [`Stage`] of the start. One that does not end is reset by the watchdog after two seconds, and comes again.
 pub struct Lights {
     green: Output<'static>,
     yellow: Output<'static>,
@@ -20,6 +22,15 @@ pub struct Lights {
     before: Health,
     due_us: u64,
     crashed: bool,
+}
+
+/// What a start is at. Before these no light is lit: the clocks, or no image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Pins, UARTs and DMA: red and yellow.
+    Drivers,
+    /// The legs' analysis, and what the flash has kept: red and green.
+    Memory,
 }
 
 impl Lights {
@@ -37,6 +48,19 @@ impl Lights {
             due_us: 0,
             crashed: false,
         }
+    }
+
+    /// Shows what the start is at.
+    pub fn starting(&mut self, stage: Stage) {
+        self.red.set_high();
+        self.yellow.set_level((stage == Stage::Drivers).into());
+        self.green.set_level((stage == Stage::Memory).into());
+    }
+
+    /// Shows that the start is over: from now on [`show`](Self::show) says what is lit.
+    pub fn started(&mut self) {
+        self.red.set_low();
+        self.green.set_low();
     }
 
     /// Has the red light blink from now on, if the run before ended as it should not.

@@ -10,14 +10,16 @@ use embassy_stm32::usart::{self, Error, RingBufferedUartRx, UartRx};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Instant;
+use proprio_core::go2::{Go2, JOINTS_PER_LEG};
+use proprio_core::robot::Robot;
 
 /// Bytes that a ring buffer holds: 10 ms of a full motor bus, 44 ms of the host link.
 pub const RING: usize = 4096;
 
-pub(super) const BUS_BAUD: u32 = 4_000_000;
+pub(super) const BUS_BAUD: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BAUD;
 
 /// Time of a byte, eight data bits between start and stop bit, on a motor bus, ns.
-pub const BUS_BYTE_NS: u32 = (10_000_000_000 / BUS_BAUD as u64) as u32;
+pub const BUS_BYTE_NS: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BYTE_NS;
 
 /// Notes of one bus that may wait: six frames of a cycle, eight cycles, between two looks.
 const NOTES: usize = 64;

@@ -33,7 +33,7 @@ mod watchdog;
 
 pub use bank2::{Bank2, NotDone, program};
 pub use imu::{ImuPins, READINGS, losses as imu_losses};
-pub use lights::Lights;
+pub use lights::{Lights, Stage};
 pub use listening::{BUS_BYTE_NS, Listening, RING};
 pub use watchdog::Watchdog;
 
@@ -136,6 +136,13 @@ impl Board {
         core.SCB.enable_icache();
         let clock = clock();
         let p = embassy_stm32::init(clocks(clock));
+        let light = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
+        let mut lights = Lights::new(
+            light(p.PB0.into()),
+            light(p.PE1.into()),
+            light(p.PB14.into()),
+        );
+        lights.starting(Stage::Drivers);
         let [fr, fl, rr, rl, host] = RINGS.try_take()?.each_mut();
         let bus = uart(BUS_BAUD);
         let irqs = Interrupts;
@@ -175,7 +182,6 @@ impl Board {
             uart(HOST_BAUD),
         );
         let (to_host, from_host) = host_uart.ok()?.split();
-        let light = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
         let board = Self {
             from_host: Listening::new(Ok(from_host), host, pac::USART3, None),
             to_host,
@@ -184,11 +190,7 @@ impl Board {
             reset,
             clock,
             watchdog,
-            lights: Lights::new(
-                light(p.PB0.into()),
-                light(p.PE1.into()),
-                light(p.PB14.into()),
-            ),
+            lights,
             bank2: Bank2::default(),
             flash: Flash::new(p.FLASH, irqs),
         };

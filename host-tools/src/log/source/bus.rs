@@ -355,13 +355,13 @@ mod tests {
     use crate::capture::CaptureWriter;
     use crate::device::power_up::PowerUp;
     use crate::device::replay::bus_step;
+    use crate::device::serial::BUS_BAUD;
     use crate::log::{LiveInput, LiveRows, LogReader, Selection};
     use crate::model::Robot as Model;
     use proprio_core::window::Sample;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    const BAUD: u32 = 4_000_000;
     /// When a leg's first cycle is, µs.
     const FIRST_US: u64 = 5_000;
 
@@ -379,7 +379,7 @@ mod tests {
             leg: Some(leg),
             told: Told::Angles,
         };
-        let mut writer = CaptureWriter::of(Vec::new(), BAUD, &facts).unwrap();
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
         for n in (0..cycles).filter(|n| !is_silent(*n)) {
             let time_us = FIRST_US + 2_000 * n + late_us;
             let state = [0, 1, 2].map(|joint| q(leg, joint, time_us as f64 * 1e-6));
@@ -495,7 +495,7 @@ mod tests {
             leg: Some(leg),
             told: Told::At([(0.1, false), (0.8, false), (-1.5, false)]),
         };
-        let mut writer = CaptureWriter::of(Vec::new(), BAUD, &facts).unwrap();
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
         let steps = robot.steps().take(1_000).enumerate();
         for (n, step) in steps.filter(|(n, _)| !(400..500).contains(n)) {
             let step = step.unwrap();
