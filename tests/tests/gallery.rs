@@ -69,7 +69,7 @@ const GALLERY: [Shown; 10] = [
     Shown {
         name: "dead_band",
         formula: "FR_thigh: D*min(max(tau_rigid/d, -1), 1)",
-        numbers: &[("D", 0.35), ("d", 0.175)],
+        numbers: &[("D", 0.35), ("d", 0.5)],
         over: ("tau_rigid", "N m", [-1.0, 1.0]),
         curves: &[("dq", 0.0)],
     },
