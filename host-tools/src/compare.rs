@@ -47,6 +47,7 @@ use crate::detect::contact::leave_out_contact;
 use crate::detect::every_window::EveryWindow;
 pub use crate::detect::ladder::Yardsticks;
 use crate::detect::ladder::{self, JointLadder};
+use crate::detect::regime::{self, Regime};
 use crate::detect::residual::{self, Criticism, Input, Scores};
 use crate::equation::folds::LEAST_HELD_OUT;
 use crate::equation::values::{Values, is_shared};
@@ -58,6 +59,7 @@ use crate::identify::model_fit::places_of;
 use crate::model::{Model, ModelEffect};
 use crate::parallel::side_by_side;
 use crate::recording::{LogGates, Recording, RecordingError};
+use crate::select::criteria::STRUCTURE;
 use crate::summary::ErrorRange;
 
 /// What `proprio compare` says.
@@ -91,6 +93,9 @@ pub struct Comparison {
     /// Where the error is, over all joints, the largest share first.
     #[serde(rename = "where")]
     pub patterns: Vec<RankedPattern>,
+    /// Where of its motion, or from when on, a joint's error lives, of joints with much structure in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub regimes: Vec<Regime>,
     /// When it is worst, over all joints, the least usual first.
     #[serde(rename = "when")]
     pub episodes: Vec<RankedEpisode>,
@@ -296,6 +301,7 @@ impl Judged<'_> {
             effects,
             fitted: self.fitted,
             patterns: ranking::patterns(&criticism),
+            regimes: self.regimes(&followed, &criticism),
             episodes: ranking::episodes(&criticism, |t| recording.moment(t)),
             black_box,
             criticism,
@@ -313,10 +319,28 @@ impl Judged<'_> {
     fn followed(&self) -> Vec<Vec<f64>> {
         let limbs: Vec<_> = self.predictions.iter().zip(self.data).collect();
         side_by_side(&limbs, |(of, data)| {
-            let given = || Values::given(data.model, data.limb);
-            let values = of.fit.as_ref().map_or_else(given, |fit| fit.values.clone());
-            data.with_unfollowed(&values, of.torque.clone())
+            data.with_unfollowed(&of.values(data), of.torque.clone())
         })
+    }
+
+    /// Where errors live, joint by joint, of what is `followed`; where a foot carries a force at times, none is reported of the rest.
+    fn regimes(&self, followed: &[Vec<f64>], criticism: &[Criticism]) -> Vec<Regime> {
+        if self.feet.iter().any(Option::is_some) {
+            return Vec::new();
+        }
+        let limbs = self.data.iter().enumerate();
+        let places = limbs.flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, j)));
+        let told = places
+            .zip(criticism)
+            .filter(|(_, own)| own.structure() > STRUCTURE);
+        let told: Vec<_> = told.collect();
+        let found = side_by_side(&told, |((limb, joint), own)| {
+            let data = &self.data[*limb];
+            let values = self.predictions[*limb].values(data);
+            let noise = own.noise.map(|noise| noise.rms);
+            regime::of(data, &values, &followed[*limb], (*joint, noise))
+        });
+        found.into_iter().flatten().collect()
     }
 }
 
@@ -402,6 +426,16 @@ struct Prediction<'a> {
     torque: Vec<f64>,
     /// The fit to all data, where values were fitted.
     fit: Option<LimbFit<'a>>,
+}
+
+impl Prediction<'_> {
+    /// The values that predict so: of the fit to all data, else the file's.
+    fn values(&self, data: &LimbData) -> Values {
+        let given = || Values::given(data.model, data.limb);
+        self.fit
+            .as_ref()
+            .map_or_else(given, |fit| fit.values.clone())
+    }
 }
 
 fn with_rest(data: LimbData<'_>, rest: bool) -> LimbData<'_> {

@@ -22,6 +22,7 @@ use crate::detect::every_window::EveryWindow;
 use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::detect::load_change::LoadChange;
 use crate::detect::mismatch::Mismatch;
+use crate::detect::regime::Regime;
 use crate::detect::twist::Twist;
 use crate::equation::folds::LEAST_HELD_OUT;
 use crate::equation::values::Place;
@@ -88,6 +89,9 @@ pub struct Diagnosis {
     pub formulas: Vec<FoundFormula>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
+    /// Where of a joint's motion, or from when on, what is left of it lives; each is in a sentence of that too.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub regimes: Vec<Regime>,
     /// Loads that come or go within the log, which are sentences of that too.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub load_changes: Vec<LoadChangeReport>,
@@ -398,10 +402,11 @@ fn judge(
         false => diagnosed.unresolved(&outside),
     };
     let formulas = formulas::find(&mut diagnosed, data, &joints);
-    let outside = match formulas.is_empty() {
+    let mut outside = match formulas.is_empty() {
         true => outside,
         false => diagnosed.outside(),
     };
+    diagnosed.add_regimes(&mut outside);
     bodies::let_go(data, &mut diagnosed.found);
     diagnosed.bodies = bodies::beside(data, &diagnosed.found, model);
     Ok(report(&diagnosed, &outside, formulas))

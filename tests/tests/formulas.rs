@@ -115,6 +115,75 @@ fn a_bad_formula_is_refused_with_its_place() {
     assert!(refusal(folder.path(), &args).contains("500 characters"));
 }
 
+/// A torque over time holds for one log: it is simulated and exported where it is asked for, and else refused with its place.
+#[test]
+fn a_formula_over_time_is_of_one_log() {
+    let folder = folder();
+    let folder = folder.path();
+    let formula = "FR_thigh: 0.3*step(t - 7.3)*sign(dq)";
+    let simulate = [
+        "simulate",
+        "--legs",
+        "FR",
+        "--duration",
+        "1",
+        "--hide",
+        formula,
+        "-o",
+        "log.csv",
+    ];
+    let output = proprio(folder, &simulate);
+    let told = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    let place = "    0.3*step(t - 7.3)*sign(dq)\n             ^\n";
+    for said in ["`t` is the time of one log", place, "--with-time"] {
+        assert!(told.contains(said), "{said}: {told}");
+    }
+    assert!(!folder.join("log.csv").exists());
+    done(folder, &[&simulate[..], &["--with-time"]].concat());
+    // A model that has one is fitted, compared and diagnosed, and no robot of a simulator.
+    drive(folder, "change.toml");
+    done(
+        folder,
+        &[
+            "add",
+            "change = FR_thigh: c*step(t - 0.4)*sign(dq)",
+            "-m",
+            "change.toml",
+        ],
+    );
+    for format in ["--mjcf", "--urdf"] {
+        let export = ["export", "-m", "change.toml", format, "-o", "robot.xml"];
+        let output = proprio(folder, &export);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        let place = "    c*step(t - 0.4)*sign(dq)\n           ^\n";
+        for said in [
+            "change:FR_thigh: `t` is the time of one log",
+            place,
+            "hint:",
+            "--with-time",
+        ] {
+            assert!(told.contains(said), "{said}: {told}");
+        }
+        assert!(refusal(folder, &[&export[..], &["--json"]].concat()).contains("change:FR_thigh"));
+        assert!(!folder.join("robot.xml").exists());
+        done(folder, &[&export[..], &["--with-time"]].concat());
+        std::fs::remove_file(folder.join("robot.xml")).unwrap();
+    }
+    done(
+        folder,
+        &[
+            "identify",
+            "log.csv",
+            "-m",
+            "change.toml",
+            "-o",
+            "fitted.toml",
+        ],
+    );
+}
+
 /// Friction that grows with the position is no effect of the catalogue: the diagnosis finds its formula, `--apply` writes it, and the file
 /// predicts the log of another motion.
 #[test]

@@ -27,7 +27,7 @@ fn a_long_log_of_joints_without_rotors_is_judged() {
 #[test]
 fn a_long_log_is_judged_whole() {
     let folder = simulated(
-        "--legs FR --typical --duration 160 --hide spring:FR_thigh=4 --hide FR_calf:0.5*sign(dq)*step(t-60)*step(120-t)",
+        "--legs FR --typical --duration 160 --with-time --hide spring:FR_thigh=4 --hide FR_calf:0.5*sign(dq)*step(t-60)*step(120-t)",
     );
     let folder = folder.path();
     let diagnose = ["diagnose", "log.csv", "--catalogue-only"];

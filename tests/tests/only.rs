@@ -10,10 +10,8 @@ const PLAIN: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
 /// A leg with this hidden, and the model of a plain drive.
 fn simulated(folder: &Path, hide: &str) {
     let simulate = ["simulate", "--legs", "FR", "--typical", "--duration", "10"];
-    done(
-        folder,
-        &[&simulate[..], &["-o", "log.csv", "--hide", hide]].concat(),
-    );
+    let hide = ["-o", "log.csv", "--with-time", "--hide", hide];
+    done(folder, &[&simulate[..], &hide].concat());
     done(folder, &[&["add", "-m", "plain.toml"][..], &PLAIN].concat());
 }
 

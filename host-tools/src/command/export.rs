@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::catalogue;
 use crate::model::export::{Exported, mjcf, urdf};
 use crate::model::{Model, Robot};
 use crate::output;
@@ -33,6 +34,9 @@ pub(crate) struct Export {
     /// As MJCF, written into IN [default: a whole file]
     #[arg(long, value_name = "IN", num_args = 0..=1)]
     mjcf: Option<Option<PathBuf>>,
+    /// Write a model that has formulas over the time `t` too: what else it has may hold for a part of their log only
+    #[arg(long)]
+    with_time: bool,
     /// Where the result goes; may be IN [default: standard output]
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
@@ -59,6 +63,9 @@ struct Report {
 impl Export {
     pub(crate) fn run(self) -> Result<String, Error> {
         let model = Model::load(&self.model)?;
+        if !self.with_time {
+            refuse_time(&model)?;
+        }
         let Exported {
             text,
             bodies,
@@ -97,6 +104,21 @@ impl Export {
             ),
             None => text,
         })
+    }
+}
+
+/// Refuses a model with a formula over time.
+fn refuse_time(model: &Model) -> Result<(), Error> {
+    let over_time = model.effects().iter().find_map(|e| {
+        let at = catalogue::formula_of(e.effect)?.over_time()?;
+        Some((e, at))
+    });
+    match over_time {
+        None => Ok(()),
+        Some((e, at)) => Err(Error::OverTime {
+            effect: format!("{}:{}", e.effect.name(), model.joint_name(e.joint)),
+            at,
+        }),
     }
 }
 

@@ -32,6 +32,9 @@ use super::Error;
 pub(super) fn of(error: &Error) -> Option<String> {
     match error {
         Error::Log(error) | Error::Feed(FeedError::Log(error)) => Some(of_log(error)),
+        Error::OverTime { effect, .. } => Some(format!(
+            "take it out (`proprio remove {effect} -m MODEL`), or write the model without it: --with-time"
+        )),
         Error::Recording(error) => Some(of_recording(error)),
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(

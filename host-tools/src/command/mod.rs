@@ -52,6 +52,7 @@ use crate::excite::earlier::EarlierError;
 use crate::excite::shapes::ShapesError;
 use crate::factors::FactorsError;
 use crate::fleet::{Fault, TableError};
+use crate::formula::FormulaError;
 use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
 use crate::kinematics::CalibrateError;
@@ -408,6 +409,9 @@ pub(crate) enum Error {
     Unreadable(String, std::io::Error),
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// `export` of a model that holds for the motion of one log.
+    #[error("{effect}: {at}")]
+    OverTime { effect: String, at: FormulaError },
     /// A file that would be lost.
     #[error("{}, {what}, would be replaced", .path.display())]
     WouldReplace { path: PathBuf, what: String },

@@ -78,6 +78,9 @@ pub(crate) struct Simulate {
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one. Or a torque by a formula, `JOINT: FORMULA`
     #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = formula::Asked::parse)]
     hide: Vec<formula::Asked>,
+    /// Take formulas over the time `t` in --hide: a robot that changes within the log
+    #[arg(long)]
+    with_time: bool,
     /// How far the bodies are off the CAD: relative standard deviation of a mass
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 1.0))]
     inertia_error: f64,
@@ -264,6 +267,10 @@ impl Simulate {
         };
         for asked in &self.hide {
             let hide = asked.hidden();
+            if let Some(at) = hide.over_time().filter(|_| !self.with_time) {
+                let message = format!("{at}\n\nA robot that changes within the log: --with-time");
+                super::usage_error("simulate", ErrorKind::MissingRequiredArgument, message);
+            }
             let joints = hide.joints();
             if let Some(joint) = joints.iter().find(|joint| !legs.contains(&joint.leg())) {
                 let message = format!("--hide names {joint}, but --legs leaves its leg out");

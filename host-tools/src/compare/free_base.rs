@@ -182,6 +182,7 @@ pub fn compare_free_base_without(
             fitted: asked.fitted,
             effects: Vec::new(),
             patterns: ranking::patterns(&criticism),
+            regimes: Vec::new(),
             episodes: ranking::episodes(&criticism, moment),
             black_box: None,
             criticism,

@@ -224,7 +224,11 @@ impl Comparison {
         for pattern in self.patterns.iter().take(told) {
             writeln!(to, "{:>5.1} %  {}", pattern.share_percent, pattern.sentence)?;
         }
-        more(to, self.patterns.len(), told)
+        more(to, self.patterns.len(), told)?;
+        for regime in &self.regimes {
+            writeln!(to, "  {}: {}", regime.joint, regime.words_with_conditions())?;
+        }
+        Ok(())
     }
 
     fn write_when(&self, to: &mut String, all: bool) -> fmt::Result {

@@ -10,6 +10,7 @@
 //! - `ladder`: what every result is held against, the same in every command
 //! - `load_change`: a load that comes or goes within a log
 //! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
+//! - `regime`: where an error lives: a range of position, speed, direction, load, temperature or time
 //! - `residual`: what a residual says of the model: where it fails, when, whether anything but noise is left, and how far it is from the
 //!   noise
 //! - `series`: a joint's windows as series: what was measured, what a model says, and what the joint did meanwhile
@@ -25,6 +26,7 @@ pub(crate) mod floor;
 pub mod ladder;
 pub(crate) mod load_change;
 pub mod mismatch;
+pub mod regime;
 pub mod residual;
 pub(crate) mod series;
 pub(crate) mod twist;

@@ -7,10 +7,12 @@ use serde::Serialize;
 
 use super::Diagnosed;
 use crate::catalogue;
+use crate::detect::regime::{Edge, Regime, RegimeOf};
 use crate::equation::values::Place;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::LimbData;
 use crate::formula::Kind;
+use crate::formula::grammar::Border;
 use crate::identify::model_fit::parameters;
 use crate::select::candidate::Member;
 use crate::select::criteria::statistics::FALSE_ALARM;
@@ -36,6 +38,9 @@ pub struct FoundFormula {
     pub parameters: Vec<super::ParameterReport>,
     /// Share of the squared error of its joint that it explains, of what the catalogue leaves.
     pub share: f64,
+    /// Where of the joint's motion, or from when on, it acts, if not everywhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub regime: Option<Regime>,
     /// How often noise alone makes some term of the grammar explain as much.
     pub chance: f64,
     /// Other terms that do as well on this log.
@@ -59,8 +64,12 @@ impl FoundFormula {
             [] => String::new(),
             rivals => format!("; as good on these data: {}", rivals.join(", ")),
         };
+        let regime = match &self.regime {
+            None => String::new(),
+            Some(regime) => format!("; it acts {}", regime.words_with_conditions()),
+        };
         format!(
-            "{}: {} with {} explains {:.0} % of the square error that the catalogue leaves there{rivals}",
+            "{}: {} with {} explains {:.0} % of the square error that the catalogue leaves there{regime}{rivals}",
             self.joint,
             self.torque,
             values.join(", "),
@@ -174,10 +183,25 @@ fn told(
             std,
         }
     };
+    let parameters: Vec<super::ParameterReport> = described.map(of).collect();
+    // The parameter that is searched comes last.
+    let edge = parameters.last().map(|p| Edge {
+        value: p.value,
+        std: p.std,
+    });
+    let regime = pick.border.map(|border| {
+        let (variable, edges) = match border {
+            Border::Beyond => (RegimeOf::Position, [edge, None]),
+            Border::Below => (RegimeOf::Position, [None, edge]),
+            Border::After => (RegimeOf::Time, [edge, None]),
+        };
+        Regime::new(&joint, (variable, own.slides(place.1)), (edges, false))
+    });
     FoundFormula {
         effect: place.0.name(),
         torque: text,
-        parameters: described.map(of).collect(),
+        parameters,
+        regime,
         share: pick.share,
         chance: pick.chance,
         rivals: pick.rivals.clone(),

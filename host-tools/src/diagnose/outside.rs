@@ -4,6 +4,7 @@ use super::{Diagnosed, text};
 use crate::detect::black_box::Explained;
 use crate::detect::bursts::bursts;
 use crate::detect::load_change::{self, LoadChange};
+use crate::detect::regime::{self, Regime};
 use crate::detect::residual::{self, Criticism};
 use crate::detect::series::JointSeries;
 use crate::parallel::{by_number, side_by_side};
@@ -15,6 +16,8 @@ use crate::select::drift::Drift;
 pub(super) struct Left {
     pub(super) joint: String,
     pub(super) words: String,
+    /// Where of the joint's motion, or when, if not everywhere.
+    pub(super) regime: Option<Regime>,
 }
 
 /// What is left of all joints.
@@ -139,6 +142,7 @@ impl Diagnosed<'_> {
             told.push(Left {
                 joint: self.name(limb, change.joint),
                 words: text::load_change(change),
+                regime: None,
             });
         }
         // One sentence a joint: they are of one cause, the first says most.
@@ -151,7 +155,11 @@ impl Diagnosed<'_> {
                 continue;
             }
             if told.iter().all(|left| left.joint != joint) {
-                told.push(Left { joint, words });
+                told.push(Left {
+                    joint,
+                    words,
+                    regime: None,
+                });
             }
         }
         let joints = series.iter().zip(asked).filter(|(_, asked)| *asked);
@@ -163,6 +171,34 @@ impl Diagnosed<'_> {
             noise: noise.collect(),
             told,
             alone,
+        }
+    }
+
+    /// Adds to what is left of each joint where it lives; a load that comes or goes has its moment.
+    pub(super) fn add_regimes(&self, outside: &mut Outside) {
+        let mut ladder = self.ladder.iter().map(|joint| joint.noise);
+        let mut places = Vec::new();
+        for (limb, fit) in self.found.end.fits.iter().enumerate() {
+            for joint in 0..fit.data.joints() {
+                let noise = ladder.next().flatten().map(|noise| noise.rms);
+                places.push((self.name(limb, joint), limb, (joint, noise)));
+            }
+        }
+        let found = side_by_side(&outside.told, |left| {
+            let (_, limb, of) = places.iter().find(|(name, ..)| *name == left.joint)?;
+            if self.load_changes.get(*limb)?.is_some() {
+                return None;
+            }
+            let fit = &self.found.end.fits[*limb];
+            let below = fit.below_limits();
+            let predicted = below.with_unfollowed(&fit.values, fit.predicted());
+            regime::of(&below, &fit.values, &predicted, *of)
+        });
+        for (left, regime) in outside.told.iter_mut().zip(found) {
+            if let Some(regime) = &regime {
+                left.words += &format!("; {}", regime.words_with_conditions());
+            }
+            left.regime = regime;
         }
     }
 

@@ -84,6 +84,9 @@ pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormul
         },
         formulas,
         outside_catalogue,
+        regimes: (outside.told.iter())
+            .filter_map(|left| left.regime.clone())
+            .collect(),
         load_changes: (d.load_changes.iter().enumerate())
             .filter_map(|(limb, change)| {
                 let change = change.as_ref()?;

@@ -240,7 +240,7 @@ fn seen(
 }
 
 /// A signal of a joint. What a joint's acceleration does is no value of an instant.
-fn signal(signal: Signal, state: &JointState<f64>) -> f64 {
+pub(super) fn signal(signal: Signal, state: &JointState<f64>) -> f64 {
     match signal {
         Signal::Position => state.q,
         Signal::Velocity => state.speed,

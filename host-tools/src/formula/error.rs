@@ -99,6 +99,9 @@ pub enum FormulaProblem {
         "the acceleration may only be multiplied, by functions of positions: no signal of a robot is as noisy"
     )]
     Acceleration,
+    /// The time, where another motion than the log's is meant.
+    #[error("`t` is the time of one log: a torque over it holds for no other motion")]
+    Time,
     /// The transmitted torque and the temperature together.
     #[error("`tau_rigid` and `temp` cannot be in one formula: write two")]
     Inputs,

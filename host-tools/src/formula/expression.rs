@@ -304,6 +304,17 @@ impl Expression {
         }
     }
 
+    /// Where the text first has a signal.
+    pub(crate) fn first_of(&self, signal: Signal) -> Option<Range<usize>> {
+        let mut places = Vec::new();
+        self.each(&mut |e| {
+            if matches!(e.node, Node::Variable(v) if v.signal == signal) {
+                places.push(e.at.clone());
+            }
+        });
+        places.into_iter().min_by_key(|at| at.start)
+    }
+
     /// The value at an instant.
     pub(crate) fn value<T: Scalar>(&self, scope: &Scope<T>) -> T {
         match &self.node {

@@ -15,18 +15,29 @@ use super::{FormulaError, NUMBERED_TIMES};
 /// What is multiplied beside nothing: friction, viscous friction, friction by load, the load.
 pub(crate) const CARRIERS: [&str; 4] = ["sign(dq)", "dq", "abs(tau_rigid)*sign(dq)", "tau_rigid"];
 
-/// How it depends on the joint's own position, and on time. With any carrier.
-const ANYWHERE: [(&str, Option<Grid>); 10] = [
-    ("q", None),
-    ("q^2", None),
-    ("abs(q - p)", Some(Grid::Positions)),
-    ("(q - p)*abs(q - p)", Some(Grid::Positions)),
-    ("step(q - p)", Some(Grid::Positions)),
-    ("max(q - p, 0)", Some(Grid::Positions)),
-    ("max(p - q, 0)", Some(Grid::Positions)),
-    ("t", None),
-    ("step(t - p)", Some(Grid::Times)),
-    ("exp(-t/p)", Some(NUMBERED_TIMES)),
+/// Where a term begins or ends that does nothing elsewhere: at its parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Border {
+    /// It acts at larger positions.
+    Beyond,
+    /// It acts at smaller positions.
+    Below,
+    /// It acts from a moment on.
+    After,
+}
+
+/// How it depends on the joint's own position, and on time, and where that begins or ends. With any carrier.
+const ANYWHERE: [(&str, Option<Grid>, Option<Border>); 10] = [
+    ("q", None, None),
+    ("q^2", None, None),
+    ("abs(q - p)", Some(Grid::Positions), None),
+    ("(q - p)*abs(q - p)", Some(Grid::Positions), None),
+    ("step(q - p)", Some(Grid::Positions), Some(Border::Beyond)),
+    ("max(q - p, 0)", Some(Grid::Positions), Some(Border::Beyond)),
+    ("max(p - q, 0)", Some(Grid::Positions), Some(Border::Below)),
+    ("t", None, None),
+    ("step(t - p)", Some(Grid::Times), Some(Border::After)),
+    ("exp(-t/p)", Some(NUMBERED_TIMES), None),
 ];
 
 /// Places of this share of the joint's travel, to which a magnet pulls or at which friction is larger: of its own, and with friction.
@@ -74,6 +85,8 @@ pub(crate) struct Term {
     pub(crate) factors: Vec<String>,
     /// Where its parameter is sought.
     pub(crate) grid: Option<Grid>,
+    /// Where it begins or ends, if it does at its parameter.
+    pub(crate) border: Option<Border>,
 }
 
 impl Term {
@@ -114,25 +127,26 @@ impl Term {
 /// All terms at a joint of a limb with these joints; `travel` is how far the joint moves, rad.
 pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
     let mut all = Vec::new();
-    let mut put = |carrier: &'static str, factors: Vec<String>, grid: Option<Grid>| {
+    let mut put = |carrier: &'static str, factors: Vec<String>, grid: Option<Grid>, border| {
         all.push(Term {
             carrier: Some(carrier).filter(|carrier| !carrier.is_empty()),
             factors,
             grid,
+            border,
         });
     };
     for carrier in std::iter::once("").chain(CARRIERS) {
-        for (text, grid) in ANYWHERE {
+        for (text, grid, border) in ANYWHERE {
             // A multiple of the position alone is the catalogue's spring.
             if (carrier, text) != ("", "q") {
-                put(carrier, vec![text.to_owned()], grid);
+                put(carrier, vec![text.to_owned()], grid, border);
             }
         }
         let pair = ["sin(p*q)", "cos(p*q)"].map(str::to_owned);
-        put(carrier, pair.to_vec(), Some(Grid::Frequencies));
+        put(carrier, pair.to_vec(), Some(Grid::Frequencies), None);
         for other in others(names) {
             for text in BY_ANOTHER {
-                put(carrier, vec![text.replace('X', &other)], None);
+                put(carrier, vec![text.replace('X', &other)], None, None);
             }
         }
     }
@@ -146,15 +160,15 @@ pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
                 .parse::<f64>()
                 .unwrap_or(share);
             let text = text.replace('W', &width.to_string());
-            put(carrier, vec![text], Some(Grid::Positions));
+            put(carrier, vec![text], Some(Grid::Positions), None);
         }
     }
     for (text, grid) in ALONE {
-        put("", vec![text.to_owned()], grid);
+        put("", vec![text.to_owned()], grid, None);
     }
     for other in others(names) {
         for text in OF_ANOTHER {
-            put("", vec![text.replace('X', &other)], None);
+            put("", vec![text.replace('X', &other)], None, None);
         }
     }
     all

@@ -118,8 +118,8 @@ pub struct Formula {
     pub stated: BTreeMap<String, Stated>,
     /// Parameters that are held, each with its value.
     pub held: Vec<(String, f64)>,
-    /// Whether it is one over time: for a diagnosis of a log, of no use beyond that.
-    pub depends_on_time: bool,
+    /// Where its text has the time, if it has.
+    time: Option<Range<usize>>,
 }
 
 impl Formula {
@@ -131,6 +131,19 @@ impl Formula {
         }
         text
     }
+
+    /// Why it is of no use beyond a diagnosis of a log, and where its text says so: a torque over time is of that log's motion alone.
+    pub fn over_time(&self) -> Option<FormulaError> {
+        let at = self.time.as_ref()?;
+        Some(FormulaError::new(&self.text, at, FormulaProblem::Time))
+    }
+}
+
+/// [`Formula::over_time`] of the text of a [`torque`].
+pub fn over_time(text: &str) -> Option<FormulaError> {
+    let parsed = parse(text, NO_JOINTS).ok()?;
+    let at = parsed.expression.first_of(Signal::Time)?;
+    Some(FormulaError::new(text, &at, FormulaProblem::Time))
 }
 
 /// An effect by its text at a joint.
@@ -263,10 +276,6 @@ pub fn define(
             |[mean, std]| Prior { mean, std },
         ));
     }
-    let depends_on_time = expression
-        .variables()
-        .iter()
-        .any(|v| v.signal == Signal::Time);
     let others: Vec<isize> = (expression.variables().iter())
         .map(|v| v.joint)
         .filter(|joint| *joint != 0)
@@ -287,7 +296,7 @@ pub fn define(
         kind,
         held: held_values(names, &held),
         stated: stated.clone(),
-        depends_on_time,
+        time: expression.first_of(Signal::Time),
     };
     let effect = OwnEffect {
         description: Description {
@@ -334,16 +343,18 @@ pub struct Instant {
 /// Slower than this, rad/s, a simulated joint's sign of velocity is a straight line: a jump would make its motion stiff.
 const SLOW: f64 = 2e-3;
 
+/// A joint without neighbours.
+const NO_JOINTS: Names = Names {
+    joints: &[],
+    own: 0,
+};
+
 /// A torque, N m, all of whose numbers are in the text: what a simulation hides. It sees its own joint's motion alone.
 ///
 /// # Errors
 /// [`FormulaError`]: as [`define`] has it; parameters, accelerations and other joints are refused.
 pub fn torque(text: &str) -> Result<impl Fn(&Instant) -> f64 + Sync + use<>, FormulaError> {
-    let names = Names {
-        joints: &[],
-        own: 0,
-    };
-    let parsed = parse(text, names)?;
+    let parsed = parse(text, NO_JOINTS)?;
     let whole = 0..text.len();
     if !parsed.parameters.is_empty() {
         let problem = FormulaProblem::NoNumber(parsed.parameters.join(", "));

@@ -1,8 +1,12 @@
 //! Formulas: what they mean, what of them has a column, and what is refused, where.
 
 use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
+use super::expression::{Dual, Function, Scalar, Scope, Variable};
 use super::*;
+use crate::parallel::by_number;
 
 const JOINTS: [&str; 3] = ["hip", "thigh", "calf"];
 
@@ -264,17 +268,180 @@ fn a_text_names_the_neighbours_of_the_joint_that_it_is_at() {
     assert_eq!((alone.boundary, alone.rate), (0.0, 0.0));
 }
 
-proptest::proptest! {
-    /// No text panics or hangs, and what is accepted is finite over the joint's range.
-    #[test]
-    fn no_text_breaks_it(text in "[cqdtk0-9+*/^(). ,-]{0,40}|(c|q|dq|ddq|t|temp|tau_rigid|sin|abs|min|step|\\(|\\)|\\*|-|/|,|3|0\\.5){0,20}") {
-        if let Ok((own, _)) = define("f", &text, Kind::Free, &BTreeMap::new(), &site()) {
-            let shape = own.priors.last().map_or(1.0, |prior| prior.mean);
-            for joints in states() {
-                for term in (own.terms)(&joints, 2, shape) {
-                    proptest::prop_assert!(term.rate.is_finite() && term.boundary.is_finite());
+/// Texts to be tried.
+const FUZZED: u64 = 100_000;
+
+/// What formulas are made of, and what they are not.
+const TOKENS: [&str; 44] = [
+    "q",
+    "dq",
+    "ddq",
+    "t",
+    "temp",
+    "tau_rigid",
+    "tau",
+    "q.thigh",
+    "dq.hip",
+    "ddq.thigh",
+    "q.knee",
+    "c",
+    "k",
+    "q0",
+    "w",
+    "d",
+    "sin(",
+    "cos(",
+    "abs(",
+    "sign(",
+    "step(",
+    "exp(",
+    "log(",
+    "sqrt(",
+    "tanh(",
+    "min(",
+    "max(",
+    "(",
+    ")",
+    ",",
+    "+",
+    "-",
+    "*",
+    "/",
+    "^",
+    "0",
+    "1",
+    "2",
+    "0.5",
+    "1e308",
+    "1e-308",
+    ".",
+    "²",
+    " ",
+];
+
+/// A text: of tokens in any order, of a tree that could be a formula, or a good formula that was spoilt.
+fn fuzzed(seed: u64) -> String {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let token = |random: &mut ChaCha8Rng| TOKENS[random.random_range(0..TOKENS.len())];
+    match seed % 4 {
+        0 => (0..random.random_range(0..24))
+            .map(|_| token(&mut random))
+            .collect(),
+        1 => {
+            let mut text: Vec<char> = GOOD[random.random_range(0..GOOD.len())].chars().collect();
+            for _ in 0..random.random_range(1..4) {
+                let at = random.random_range(0..text.len());
+                match random.random_range(0..3) {
+                    0 => drop(text.remove(at)),
+                    1 => text
+                        .splice(at..at, token(&mut random).chars())
+                        .for_each(drop),
+                    _ => text.swap(0, at),
+                }
+                if text.is_empty() {
+                    break;
                 }
             }
+            text.into_iter().collect()
+        }
+        _ => format!("c*{}", tree(&mut random, 4)),
+    }
+}
+
+const GOOD: [&str; 6] = [
+    "c*(q - q0)*abs(q - q0)",
+    "a*sin(k*q)*sign(dq) + b*cos(k*q)*sign(dq)",
+    "c*exp(-t/T)*sign(dq)",
+    "c*min(abs(tau_rigid)/d, 1)*sign(dq)",
+    "m*cos(q)^2*ddq",
+    "c*(temp - 40)*dq.thigh",
+];
+
+fn tree(random: &mut ChaCha8Rng, depth: usize) -> String {
+    const LEAVES: [&str; 9] = ["q", "dq", "t", "q.thigh", "k", "q0", "2", "0.5", "temp"];
+    if depth == 0 || random.random_range(0..5) == 0 {
+        return LEAVES[random.random_range(0..LEAVES.len())].to_owned();
+    }
+    let of = |random: &mut ChaCha8Rng| tree(random, depth - 1);
+    let (left, right) = (of(random), of(random));
+    match random.random_range(0..9) {
+        0 => format!("({left} + {right})"),
+        1 => format!("({left} - {right})"),
+        2 => format!("{left}*{right}"),
+        3 => format!("{left}/{right}"),
+        4 => format!("({left})^2"),
+        5 => format!("min({left}, {right})"),
+        6 => format!("-{left}"),
+        n => {
+            let name = Function::ALL[(2 * n + random.random_range(0..9)) % 9].0;
+            format!("{name}({left})")
         }
     }
+}
+
+/// No text panics or hangs; what is refused is refused at a place in it, what is accepted is finite over the joint's range, and its slope is that of its value.
+#[test]
+fn a_hundred_thousand_texts_are_taken_or_refused() {
+    let states = states();
+    let of = |seed: usize| {
+        let text = fuzzed(seed as u64);
+        let site = site();
+        match define("f", &text, Kind::Free, &BTreeMap::new(), &site) {
+            Err(error) => {
+                assert!(error.text.get(error.at.clone()).is_some(), "{text}");
+                assert!(error.to_string().lines().count() >= 3, "{text}: {error}");
+                (0, 0)
+            }
+            Ok((own, _)) => {
+                let shape = own.priors.last().map_or(1.0, |prior| prior.mean);
+                for joints in &states {
+                    for term in (own.terms)(joints, 2, shape) {
+                        assert!(term.rate.is_finite() && term.boundary.is_finite(), "{text}");
+                    }
+                }
+                let parsed = parse(&text, site.names).unwrap();
+                let compared = (states.iter())
+                    .filter(|joints| slope_is_right(&parsed.expression, joints, &text));
+                (1, compared.count())
+            }
+        }
+    };
+    let found = by_number(0..FUZZED as usize, of);
+    let accepted: usize = found.iter().map(|(accepted, _)| accepted).sum();
+    let slopes: usize = found.iter().map(|(_, slopes)| slopes).sum();
+    assert!(
+        accepted > 1000 && accepted < FUZZED as usize / 2,
+        "{accepted}"
+    );
+    assert!(slopes > 10_000, "{slopes}");
+}
+
+/// Whether an expression is smooth enough about an instant to be compared: then its slope along the joint's position is that of its value.
+fn slope_is_right(e: &Expression, joints: &[JointState<f64>], text: &str) -> bool {
+    let at = |off: f64| {
+        let mut moved = joints.to_vec();
+        moved[2].q += off;
+        columns::value(e, &moved, 2, &[0.7; MOST_NAMES])
+    };
+    let difference = |h: f64| (at(h) - at(-h)) / (2.0 * h);
+    let (coarse, fine) = (difference(2e-4), difference(1e-4));
+    let dual = e.value(&Scope {
+        variable: &|v: Variable| Dual {
+            value: columns::signal(v.signal, &joints[2usize.saturating_add_signed(v.joint)]),
+            slope: f64::from(u8::from((v.signal, v.joint) == (Signal::Position, 0))),
+        },
+        direction: &|joint| Dual::constant(joints[2usize.saturating_add_signed(joint)].sign()),
+        parameters: &[0.7; MOST_NAMES],
+    });
+    let size = at(0.0).abs().max(fine.abs());
+    // Where steps of two sizes differ it jumps, bends or rounds.
+    if !size.is_finite() || size > 1e6 || (coarse - fine).abs() > 1e-6 * size.max(1e-3) {
+        return false;
+    }
+    assert!(
+        (dual.slope - fine).abs() <= 1e-4 * size.max(1e-3),
+        "{text}: {} {fine}",
+        dual.slope
+    );
+    true
 }

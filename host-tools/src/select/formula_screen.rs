@@ -23,7 +23,7 @@ use crate::estimate::fit::LimbFit;
 use crate::estimate::grid::{Reach, values};
 use crate::estimate::shapes::orthonormal;
 use crate::formula::Names;
-use crate::formula::grammar::{CARRIERS, Factor, Term, terms};
+use crate::formula::grammar::{Border, CARRIERS, Factor, Term, terms};
 use crate::parallel::{by_number, side_by_side};
 
 /// Windows that are looked at, spread over the log.
@@ -58,6 +58,8 @@ pub(crate) struct Pick {
     pub(crate) shape: Option<f64>,
     /// Its coefficients.
     pub(crate) values: Vec<f64>,
+    /// Where it begins or ends at its parameter.
+    pub(crate) border: Option<Border>,
     /// How much of the residual's square it explains.
     pub(crate) share: f64,
     /// How often noise explains as much.
@@ -158,6 +160,7 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> O
         name: term.name(),
         shape,
         values: residual.coefficients(term, shape, &factors)?,
+        border: term.border,
         share: chosen.fall / residual.square,
         chance,
         rivals: rest.map(|own| all[own.term].text()).collect(),

@@ -10,7 +10,7 @@ use proprio_simulator::poses::PoseKind;
 
 use super::super::usage_error;
 use super::parse_hide;
-use crate::formula::{Instant, torque};
+use crate::formula::{FormulaError, Instant, over_time, torque};
 
 /// What `--hide` says.
 #[derive(Debug, Clone)]
@@ -110,6 +110,15 @@ impl Hidden {
         match self {
             Self::Effect(hide) => hide.joint().into_iter().collect(),
             Self::Formula(_, joints) => joints.clone(),
+        }
+    }
+
+    /// Why it is of no other motion, if it is over time.
+    pub(super) fn over_time(&self) -> Option<FormulaError> {
+        match self {
+            Self::Effect(_) => None,
+            // The formula is its name.
+            Self::Formula(kind, _) => over_time(kind.description().name),
         }
     }
 

@@ -78,6 +78,7 @@ pub(super) fn diagnosis(
         bodies: Vec::new(),
         bodies_instead: false,
         formulas: Vec::new(),
+        regimes: Vec::new(),
         load_changes: Vec::new(),
         outside_catalogue,
         every_window: None,
