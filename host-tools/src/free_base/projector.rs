@@ -4,8 +4,8 @@
 use nalgebra::Vector3;
 use proprio_core::contact::SINGULAR;
 
-use super::free_tree::{FreeTree, Pose};
 use super::legged::Point;
+use crate::equation::free_tree::{FreeTree, Pose};
 
 /// See the module.
 #[derive(Debug, Clone, Default)]

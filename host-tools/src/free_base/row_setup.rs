@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use proprio_core::inertia::INERTIAL;
 
 use super::columns::WalkColumns;
-use super::free_tree::FreeTree;
 use super::sensors::Sensors;
+use crate::equation::free_tree::FreeTree;
 use crate::estimate::bounded::body;
 
 /// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
