@@ -7,8 +7,9 @@
 //! p(q, q̇, v) − p(q, q̇, 0)  which enters by its difference,   r(q, q̇, v) − r(q, q̇, 0)  which is integrated
 //! ```
 //!
-//! with p = H q̇ and r = −Cᵀ q̇ of the joints. Motion and the model's bodies alone make it; no torque, and no acceleration. Weight is left out: what holds
-//! the base up balances it, and within the periods of a suspended robot's motion the base does not turn far.
+//! with p = H q̇ and r = −Cᵀ q̇ of the joints. Motion and the CAD's bodies alone make it; no torque, and no acceleration. A fit moves the
+//! bodies, and the share stays one of the same recoil, so that a file gives back what was fitted. Weight is left out: what holds the base up balances
+//! it, and within the periods of a suspended robot's motion the base does not turn far.
 
 use nalgebra::Matrix3;
 use proprio_core::inertia::InertialParameters;
@@ -16,7 +17,7 @@ use proprio_core::spatial::{Force, Motion as Twist};
 
 use super::free_tree::{FreeTree, Moving, OF_BASE};
 use super::motion::Motion;
-use crate::model::{BASE, Limb, Model};
+use crate::model::{Limb, Model};
 use crate::parallel::by_number;
 use crate::trajectory::Trajectory;
 
@@ -25,10 +26,8 @@ pub(crate) type Recoil = Vec<[f64; 2]>;
 
 /// That of each limb. A joint that was not recorded rests at zero.
 pub(crate) fn recoils(model: &Model, limbs: &[(&Limb, &Motion)]) -> Vec<Recoil> {
-    let bodies = 0..model.robot().bodies().len();
-    let tree = FreeTree::new(*model.inertia(BASE), model.robot().bodies());
-    let inertia = std::iter::once(BASE).chain(bodies);
-    let tree = tree.with_inertia(inertia.map(|b| *model.inertia(b)));
+    let robot = model.robot();
+    let tree = FreeTree::new(*robot.base_inertia(), robot.bodies());
     by_number(0..limbs.len(), |own| recoil(&tree, limbs, own))
 }
 

@@ -344,8 +344,10 @@ fn a_base_that_recoils_is_no_lack_of_armature() {
     let fit = |model: &Model| fit_model(&recording, model, FitOptions::default()).unwrap();
     let (with, without) = (fit(&model), fit(&plain));
     let share = with.parameter("base_recoil:base").unwrap();
+    // The simulated base follows a tick late, and what is of second order in its twist is no multiple of the share: 0.2 %, where σ is 0.1 %.
+    let exact = 0.005;
     assert!(
-        (share.value - 0.6).abs() < 2.0 * share.std && share.std < 0.1,
+        (share.value - 0.6).abs() < exact && share.std < exact,
         "{} ±{}",
         share.value,
         share.std
