@@ -54,13 +54,14 @@ pub enum HiddenError {
 
 /// The effects that a robot on its feet is not simulated with: its gears are rigid, its motors have no temperature, its feet stand on the
 /// ground, and nothing holds its base.
-const NOT_WALKING: [HiddenKind; 6] = [
+const NOT_WALKING: [HiddenKind; 7] = [
     HiddenKind::ThermalViscous,
     HiddenKind::TorqueConstantDrift,
     HiddenKind::Elasticity,
     HiddenKind::Backlash,
     HiddenKind::Contact,
     HiddenKind::BaseTilt,
+    HiddenKind::BaseRecoil,
 ];
 
 /// The names of the effects that a robot on its feet can have.

@@ -16,10 +16,11 @@ use super::lag::LaggingMotors;
 use super::motion::{Reference, Wanted, centre};
 use super::plant::{Plant, PlantJoint, State};
 use super::report::ReportedTorque;
+use super::suspension::LegMotion;
 use super::{Diverged, Simulation};
 
 /// Period of the controller, s: 4 kHz, between whose ticks the torque is held.
-const PERIOD: f64 = 2.5e-4;
+pub(super) const PERIOD: f64 = 2.5e-4;
 /// Longest integration step, s.
 const STEP: f64 = PERIOD / 2.0;
 /// Controller gains, N m/rad and N m s/rad.
@@ -90,6 +91,25 @@ impl SimulatedLeg {
         leg.control();
         leg.plant.begin(&leg.state, &leg.given);
         leg
+    }
+
+    /// s.
+    pub(super) fn time(&self) -> f64 {
+        self.state.t
+    }
+
+    /// Which leg, and what its links do.
+    pub(super) fn motion(&self) -> (Leg, LegMotion) {
+        let state = &self.state;
+        (
+            self.leg,
+            [state.q, state.dq, self.plant.last_acceleration()],
+        )
+    }
+
+    /// Lets the joints feel so much of a base that moves, N m.
+    pub(super) fn feel(&mut self, recoil: Vector3<f64>) {
+        self.plant.recoil = recoil;
     }
 
     /// What the bus tells of the leg now, before noise and quanta.

@@ -22,6 +22,7 @@ pub mod poses;
 mod report;
 mod sensors;
 mod sizes;
+mod suspension;
 #[cfg(test)]
 mod tests;
 pub mod walk;
@@ -40,10 +41,11 @@ pub use effect::{
 };
 pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide};
-use leg::SimulatedLeg;
+use leg::{PERIOD, SimulatedLeg};
 pub use motion::Motion;
 pub use sensors::Sensors;
 pub use sizes::{SIZES, Sizes};
+use suspension::Suspension;
 
 /// Random numbers of each kind come from a stream of their own: references, noise, then one leg's bodies after the other.
 const REFERENCE_STREAM: u64 = 0;
@@ -150,6 +152,7 @@ impl Simulation {
             .collect();
         let mut rng = self.random(NOISE_STREAM);
         let thermal = self.logs_temperature();
+        let suspension = self.suspension();
         let count = (self.duration * self.rate).round() as u64;
         let (mut previous, mut noise) = (None, Vec::new());
         let mut failed = false;
@@ -158,7 +161,9 @@ impl Simulation {
                 return None;
             }
             let t = self.sensors.sampling_time(k, self.rate, &mut rng);
-            let sample = sample(&mut legs, t, thermal, self.second_encoder).map(|truth| {
+            let moved = advance(&mut legs, suspension.as_ref(), t);
+            let sample = moved.map(|()| {
+                let truth = sample(&legs, t, thermal, self.second_encoder);
                 let (sensors, joints) = (&self.sensors, truth.tau.len());
                 noise = sensors.torque_noise_after(&noise, joints, self.rate, &mut rng);
                 let measured = sensors.measure(truth, &noise, previous.as_ref(), &mut rng);
@@ -218,6 +223,15 @@ impl Simulation {
     fn tilt(&self) -> [f64; 2] {
         let tilts = self.built().map(|effect| effect.tilt());
         tilts.fold([0.0; 2], |sum, tilt| [sum[0] + tilt[0], sum[1] + tilt[1]])
+    }
+
+    /// A base that the legs move, if it is one.
+    fn suspension(&self) -> Option<Suspension> {
+        let share = self
+            .built()
+            .map(|effect| effect.recoil())
+            .fold(0.0, f64::max);
+        (share > 0.0).then(|| Suspension::new(share, |leg| self.bodies(leg)))
     }
 
     fn built(&self) -> impl Iterator<Item = Box<dyn effect::Effect>> {
@@ -281,13 +295,31 @@ fn truth_of_joint(
     truth
 }
 
-/// All legs at time `t`, s.
-fn sample(
+/// All legs up to time `t`, s; over a base that they move, tick by tick.
+fn advance(
     legs: &mut [SimulatedLeg],
+    suspension: Option<&Suspension>,
     t: f64,
-    thermal: bool,
-    second_encoder: bool,
-) -> Result<SimulatedSample, Diverged> {
+) -> Result<(), Diverged> {
+    let Some(suspension) = suspension else {
+        return legs.iter_mut().try_for_each(|leg| leg.advance_to(t));
+    };
+    let Some(start) = legs.first().map(SimulatedLeg::time) else {
+        return Ok(());
+    };
+    let ticks = ((t - start) / PERIOD - 1e-6).ceil().max(0.0) as u64;
+    for tick in 1..=ticks {
+        let motions: Vec<_> = legs.iter().map(SimulatedLeg::motion).collect();
+        for (leg, felt) in legs.iter_mut().zip(suspension.felt(&motions)) {
+            leg.feel(felt);
+            leg.advance_to(t.min(start + tick as f64 * PERIOD))?;
+        }
+    }
+    Ok(())
+}
+
+/// All legs at time `t`, s.
+fn sample(legs: &[SimulatedLeg], t: f64, thermal: bool, second_encoder: bool) -> SimulatedSample {
     let joints = JOINTS_PER_LEG * legs.len();
     let empty = || Vec::with_capacity(joints);
     let mut sample = SimulatedSample {
@@ -299,7 +331,6 @@ fn sample(
         q_link: second_encoder.then(empty),
     };
     for leg in legs {
-        leg.advance_to(t)?;
         let report = leg.report();
         sample.q.extend(report.q.iter());
         sample.dq.extend(report.dq.iter());
@@ -311,5 +342,5 @@ fn sample(
             q_link.extend(report.link.iter());
         }
     }
-    Ok(sample)
+    sample
 }

@@ -73,6 +73,8 @@ pub(super) struct Plant {
     pub(super) tree: Tree<f64, JOINTS, JOINTS>,
     /// The base in the world.
     pub(super) base: Transform<f64>,
+    /// What the joints feel of a base that moves, N m.
+    pub(super) recoil: Vector3<f64>,
     pub(super) joints: [PlantJoint; JOINTS],
     /// Accelerations of links and motors in the last step and the transmitted torques: where the next step's passes begin.
     last: Last,
@@ -127,6 +129,7 @@ impl Plant {
             has_memory: effects().any(|effect| effect.has_memory()),
             tree,
             base,
+            recoil: Vector3::zeros(),
             joints,
             last,
         }
@@ -141,6 +144,11 @@ impl Plant {
                 transmitted: self.transmitted(state, &a),
             };
         }
+    }
+
+    /// Accelerations of the links in the last step, rad/s².
+    pub(super) fn last_acceleration(&self) -> Vector3<f64> {
+        self.last.link
     }
 
     /// The effects of joint `j`, each with the place of its memory.
@@ -173,7 +181,8 @@ impl Plant {
         let zero = Vector3::zeros();
         let mut loads = Loads {
             inertia: self.tree.inertia_matrix(&k),
-            link: self.tree.inverse_dynamics(&k, &state.dq, &zero) - self.foot_torque(&k, state.t),
+            link: self.tree.inverse_dynamics(&k, &state.dq, &zero) + self.recoil
+                - self.foot_torque(&k, state.t),
             motor: zero,
             dry: [[0.0; 2]; JOINTS],
         };

@@ -164,5 +164,6 @@ pub const SIZES: &[Sizes] = {
         sizes(K::FrictionStep, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
         sizes(K::CableSnag, [0.2, 0.6, 1.5], [0.2, 0.6, 1.5]),
         sizes(K::AsymmetricViscous, [0.01, 0.03, 0.08], [0.01, 0.03, 0.08]),
+        sizes(K::BaseRecoil, [0.3, 0.6, 1.0], [0.3, 0.6, 1.0]),
     ]
 };

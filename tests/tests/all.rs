@@ -70,6 +70,7 @@ mod scale;
 mod schemas;
 mod screens;
 mod second_encoder;
+mod suspended;
 mod walking;
 mod where_it_fails;
 mod words;

@@ -317,7 +317,7 @@ fn with_an_effect_is_the_model_that_add_makes() {
     let joints = ["FR_calf", "FR_thigh"];
     for effect in EffectKind::ALL.iter().map(|effect| effect.name()) {
         let places: Vec<String> = match effect {
-            "base_tilt" => vec![effect.to_owned()],
+            "base_tilt" | "base_recoil" => vec![effect.to_owned()],
             _ => joints
                 .iter()
                 .map(|joint| format!("{effect}:{joint}"))

@@ -30,6 +30,7 @@ const HIDDEN: [(&str, &str); 30] = [
     ("delay", "0.004"),
     ("current_lag", "0.004"),
     ("base_tilt", "0.05"),
+    ("base_recoil", "0.5"),
     ("payload", "0.4"),
     ("elasticity", "300"),
     ("elastic_hysteresis", "100,f=0.3"),
@@ -49,7 +50,7 @@ fn difference(effect: &str, value: &str) -> f64 {
     let folder = folder();
     let folder = folder.path();
     let place = match effect {
-        "base_tilt" => String::new(),
+        "base_tilt" | "base_recoil" => String::new(),
         _ => ":FR_thigh".to_owned(),
     };
     // Friction inside a spring is simulated with it, and a second encoder tells both.

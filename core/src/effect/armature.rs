@@ -13,7 +13,13 @@ impl Effect for Armature {
         plain: true,
         parameters: &[Parameter::new("Ia", "kg m^2", 0.0, f64::INFINITY)],
         words: "reflected inertia of the motor's rotor: times the gear ratio squared",
-        look_alikes: &["payload", "delay", "elasticity", "torque_gain"],
+        look_alikes: &[
+            "payload",
+            "delay",
+            "elasticity",
+            "torque_gain",
+            "base_recoil",
+        ],
         separated_by: "fast motion of this joint while the joints below it are held at different angles",
         mjcf: Some(Mjcf::Joint("armature")),
         ..Description::TORQUE

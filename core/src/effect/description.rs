@@ -84,6 +84,8 @@ pub enum Input {
     Temperature,
     /// The motion of other joints of the limb at the same instant.
     Limb,
+    /// The motion of the base, by that of all limbs and the model's bodies.
+    Base,
 }
 
 /// At which joints one cause acts.
@@ -360,6 +362,11 @@ impl Description {
     /// Whether every geared drive has it.
     pub const fn is_plain(&self) -> bool {
         self.plain
+    }
+
+    /// Whether the base moves by it.
+    pub const fn is_of_base(&self) -> bool {
+        matches!(self.input, Input::Base)
     }
 
     /// Whether its value is in the motion, the time, gravity or the scale of the prediction, and what is fitted is how far it is from there.

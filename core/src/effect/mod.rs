@@ -37,6 +37,7 @@ mod armature;
 mod asymmetric_coulomb;
 mod asymmetric_viscous;
 mod backlash;
+mod base_recoil;
 mod base_tilt;
 mod bias;
 mod cogging;
@@ -108,6 +109,9 @@ pub struct JointState<T> {
     /// What the joint's bristles have transmitted since the recording's start per N m of presliding friction,
     /// ∫ z/zs dt, s; zero where the motion before is not known.
     pub presliding: T,
+    /// What the joint feels of a base that moves freely by the limbs' momentum: the part that enters by its difference (N m s), and the one that is
+    /// integrated (N m); zero where the whole robot's motion is not known.
+    pub recoil: [T; 2],
     /// The motor's temperature, °C; not finite where it is not known.
     pub temperature: T,
     /// Time since the recording's start, s; zero where it is not known.
@@ -130,6 +134,7 @@ impl<T: Real> JointState<T> {
             give: [-tau, T::zero()],
             play: [real::<T>(-0.5) * tau.signum(), T::zero()],
             presliding: T::zero(),
+            recoil: [T::zero(); 2],
             temperature: real(f64::NAN),
             time: T::zero(),
         }
@@ -311,6 +316,8 @@ catalogue! {
     CurrentLag = current_lag,
     /// Gravity not where the model thinks.
     BaseTilt = base_tilt,
+    /// A base that its limbs move.
+    BaseRecoil = base_recoil,
     /// A load on a body.
     Payload = payload,
     /// A force at a foot.
@@ -346,6 +353,9 @@ macro_rules! all_that {
 impl EffectKind {
     /// The effects of every geared drive.
     pub const PLAIN: [Self; 4] = all_that!(Description::is_plain, 4);
+
+    /// Those of a base that is not quite fixed.
+    pub const OF_BASE: [Self; 1] = all_that!(Description::is_of_base, 1);
 
     /// Those that let a link move against its motor.
     pub const COMPLIANT: [Self; 2] = all_that!(Description::is_compliant, 2);

@@ -50,6 +50,7 @@ impl OwnEffect {
             give: state.give.map(double),
             play: state.play.map(double),
             presliding: double(state.presliding),
+            recoil: state.recoil.map(double),
             temperature: double(state.temperature),
             time: double(state.time),
         };

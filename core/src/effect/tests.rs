@@ -36,6 +36,7 @@ fn a_column_that_is_another_effects_says_so() {
     let states = [0.3, 1.1, 2.9, 4.4].map(|t: f64| JointState {
         temperature: 50.0 + t,
         presliding: (2.0 * t).sin(),
+        recoil: [(5.0 * t).sin(), (7.0 * t).cos()],
         ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
     });
     let columns = |effect: EffectKind| effect.description().form == Form::Columns;
@@ -65,6 +66,7 @@ fn terms_integrate_to_the_impulse_of_the_torque() {
     let state = |t: f64| JointState {
         temperature: 50.0,
         presliding: (2.0 * t).sin(),
+        recoil: [(5.0 * t).sin(), (7.0 * t).cos()],
         ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
     };
     // The last column of each, which is the only one of most.
@@ -80,6 +82,7 @@ fn terms_integrate_to_the_impulse_of_the_torque() {
             EffectKind::AsymmetricViscous => sign * dq,
             EffectKind::Stribeck => sign * (-(dq / SHAPE).powi(2)).exp(),
             EffectKind::Presliding => 2.0 * (2.0 * t).cos(),
+            EffectKind::BaseRecoil => 5.0 * (5.0 * t).cos() + (7.0 * t).cos(),
             EffectKind::LoadFriction => sign * tau.abs(),
             EffectKind::QuadraticDrag => dq * dq.abs(),
             EffectKind::SaturatingViscous => sign * (1.0 - (-dq.abs() / SHAPE).exp()),

@@ -53,11 +53,12 @@ fn released<'a>(
     if !fit.has_far_body() {
         return None;
     }
-    let shared = shared.iter().map(Shared::place);
+    let places_held = shared.iter().map(Shared::place);
     let how = How {
         far_bodies: FarBodies::Released,
         start: Some(fit.values.clone()),
-        held: shared.chain(how.held.iter().copied()).collect(),
+        held: places_held.chain(how.held.iter().copied()).collect(),
+        known: shared.iter().map(Shared::known).collect(),
         ..how.clone()
     };
     let released = LimbFit::of(fit.data, places, &how)?;

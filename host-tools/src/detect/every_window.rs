@@ -11,9 +11,10 @@ use serde::Serialize;
 use super::contact::leave_out_contact;
 use super::ladder::over_all;
 use crate::estimate::limb_data::LimbData;
-use crate::model::{Limb, Model};
+use crate::estimate::robot;
+use crate::model::Model;
 use crate::parallel::side_by_side;
-use crate::recording::{LimbRecording, Recording, RecordingError, Slab};
+use crate::recording::{Recording, RecordingError, Slab};
 use crate::summary::{from_standard_input, torque};
 
 /// s.
@@ -105,11 +106,12 @@ pub fn every_window(
     let mut minutes: Vec<Minute> = Vec::new();
     let mut each = |slab: Slab| {
         let (log, block) = (slab.log, slab.block);
-        let limbs = slab.only(&recording.only, found).limbs;
-        let of = |(limb, samples): &(Limb, LimbRecording)| {
+        let slab = slab.only(&recording.only, found);
+        let limbs = robot::data_of(&slab.limbs, found);
+        let of = |data: &LimbData| {
             (
-                limb.bodies.start,
-                sums(limb, samples, [given, found], on_feet),
+                data.limb.bodies.start,
+                sums(data.clone(), [given, found], on_feet),
             )
         };
         for (first, sums) in side_by_side(&limbs, of) {
@@ -134,15 +136,7 @@ pub fn every_window(
 }
 
 /// The sums of a limb's joints.
-fn sums(
-    limb: &Limb,
-    samples: &LimbRecording,
-    [given, found]: [&Model; 2],
-    on_feet: bool,
-) -> Vec<Sums> {
-    let Some(mut data) = LimbData::of(found, limb, samples) else {
-        return Vec::new();
-    };
+fn sums(mut data: LimbData, [given, found]: [&Model; 2], on_feet: bool) -> Vec<Sums> {
     if on_feet {
         let (mut limbs, _) = leave_out_contact(vec![data]);
         data = limbs.swap_remove(0);

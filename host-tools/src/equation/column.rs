@@ -135,7 +135,7 @@ impl Columns {
     fn of_entries(subtree_end: Vec<usize>, entries: Vec<Entry>) -> Self {
         let joints = subtree_end.len();
         let felt = |joint: usize, column: &Column| match *column {
-            Column::Own { joint: own, .. } | Column::Scale(own) => own == joint,
+            Column::Own { joint: own, .. } | Column::Scale(own) => own == joint || is_shared(own),
             Column::Inertial(b, _) | Column::Load { body: b, .. } => {
                 (joint..subtree_end[joint]).contains(&b)
             }
@@ -197,7 +197,9 @@ impl Columns {
                 effect,
                 shape,
                 n,
-            } => (joint == at).then(|| effect.terms_among(states, at, shape)[n]),
+            } => {
+                (joint == at || is_shared(joint)).then(|| effect.terms_among(states, at, shape)[n])
+            }
             Column::Coupled { joint, effect, n } => {
                 let other = self.coupled(joint, at)?;
                 Some(effect.coupled(&states[at], &states[other])[n])

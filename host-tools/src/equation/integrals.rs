@@ -63,10 +63,7 @@ impl Key {
             }
             Column::Own { effect, .. } if effect.description().depends_on_model() => None,
             Column::Own {
-                joint,
-                effect,
-                shape,
-                n,
+                effect, shape, n, ..
             } => Some(Self::Own {
                 joint,
                 effect,

@@ -17,6 +17,7 @@ use super::contribution::contributions;
 use super::encoder::Encoder;
 use super::local_line::{Line, around};
 use super::motion::{Asked, Motion};
+use super::recoil::Recoil;
 use super::values::{Place, Values};
 use crate::trajectory::Trajectory;
 
@@ -33,6 +34,7 @@ pub(crate) struct States {
     pub(super) motors: Arc<Vec<Trajectory>>,
     pub(super) encoders: Vec<Encoder>,
     bristles: Vec<Option<Arc<Vec<f64>>>>,
+    recoil: Option<Arc<Recoil>>,
     temperature: Arc<Vec<f64>>,
     /// s since the recording's start.
     time: Arc<Vec<f64>>,
@@ -67,6 +69,10 @@ impl States {
             give: moved(&self.give),
             play: moved(&self.play),
             presliding: self.bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
+            recoil: self
+                .recoil
+                .as_ref()
+                .map_or([0.0; 2], |felt| felt[k * n + j]),
             temperature: self.temperature[k * n + j],
             time: self.time[k],
         }
@@ -158,6 +164,7 @@ impl Motion {
         let mut states = States {
             first: range.start,
             bristles: (0..n).map(bristles).collect(),
+            recoil: self.late_recoil(delay),
             temperature: self.temperature.clone(),
             time: self.time.clone(),
             ..States::default()

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::folds::Blocks;
 use super::local_line::{REACH, around, local_line};
 use super::presliding::Way;
+use super::recoil::Recoil;
 use super::transmitted_torque_cache::Loads;
 use super::values::Values;
 use crate::recording::LimbRecording;
@@ -35,6 +36,8 @@ pub(crate) struct Motion {
     pub(super) links: Vec<Option<Trajectory>>,
     /// Motor temperature, °C, sample by sample, joint by joint; not a number where not recorded.
     pub(crate) temperature: Arc<Vec<f64>>,
+    /// What the joints feel of a base that all limbs move, where it is asked for.
+    pub(crate) recoil: Option<Arc<Recoil>>,
     /// The windows, in the order of time.
     pub(crate) windows: Vec<Window>,
     /// Whether samples are so far apart that what enters by its difference is corrected at a window's ends.
@@ -78,6 +81,7 @@ impl Motion {
             joint,
             links,
             temperature: Arc::new(recording.temperature.clone()),
+            recoil: None,
             windows: Vec::new(),
             coarse: false,
             loads: Loads::default(),
@@ -99,6 +103,7 @@ impl Motion {
             joint: recording.measured_again(&self.joint, velocity_gain),
             links: self.links.clone(),
             temperature: self.temperature.clone(),
+            recoil: self.recoil.clone(),
             windows: self.windows.clone(),
             coarse: self.coarse,
             loads: Loads::default(),

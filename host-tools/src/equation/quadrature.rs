@@ -72,6 +72,7 @@ mod tests {
             time: Arc::new(time),
             joint: Arc::default(),
             links: Vec::new(),
+            recoil: None,
             temperature: Arc::default(),
             coarse: true,
             loads: Loads::default(),

@@ -9,6 +9,7 @@ use std::sync::{Arc, PoisonError};
 use super::body::LimbBody;
 use super::local_line::{Line, around};
 use super::motion::Motion;
+use super::recoil::Recoil;
 use super::transmitted_torque_cache::{Key, Load, MOST, MOST_OF_BRISTLES};
 use super::values::Values;
 use crate::parallel::each_part;
@@ -73,6 +74,16 @@ impl Motion {
             *kept() = Some((delay, joints.clone()));
         }
         joints
+    }
+
+    /// What the joints feel of a base that all limbs move, `delay` seconds before each sample.
+    pub(super) fn late_recoil(&self, delay: f64) -> Option<Arc<Recoil>> {
+        let recoil = self.recoil.clone()?;
+        if delay == 0.0 {
+            return Some(recoil);
+        }
+        let before = Before::of(&self.time, &self.stretches, delay);
+        Some(Arc::new(before.of_joints(&recoil, self.joints)))
     }
 
     /// What the gears transmit at all samples `delay` seconds before, and where links may move the inertia that each joint turns.

@@ -47,6 +47,8 @@ pub(crate) struct How {
     pub(crate) start: Option<Values>,
     /// Effects whose values are known and are not to be fitted: those that all limbs share, once they are combined.
     pub(crate) held: Vec<Place>,
+    /// How surely what all limbs share is known where it is held: what has a column leaves that much open of the others.
+    pub(crate) known: Vec<Known>,
     /// The effects whose shapes are searched; of none, all.
     pub(crate) shapes: Option<Vec<Place>>,
     /// Whether plays and springs are sought near those of `start` only; where none is near that tells more than nothing there is no fit.
@@ -58,6 +60,9 @@ pub(crate) struct How {
     /// How rows are weighed, if not as the fit itself has it: models are compared under the same weights.
     pub(crate) weights: Option<Arc<Weights>>,
 }
+
+/// A parameter of an effect that is held, and its standard deviation.
+pub(crate) type Known = (Place, usize, f64);
 
 /// What is done with a body that the data would carry beyond [`FARTHEST`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -114,7 +119,7 @@ impl<'a> LimbFit<'a> {
             values = limited;
         }
         let fitted: Vec<Place> = (places.iter().copied())
-            .filter(|p| !how.held.contains(p))
+            .filter(|p| !how.held.contains(p) || has_column(*p))
             .collect();
         let given = how
             .weights
@@ -474,6 +479,11 @@ fn is_searched(place: &Place, how: &How) -> bool {
     how.shapes.as_ref().is_none_or(|own| own.contains(place))
 }
 
+/// Whether an effect is a multiple of its columns, which a fit has also where it is held; what is a derivative is in the motion.
+fn has_column((effect, _): Place) -> bool {
+    !effect.description().is_derivative()
+}
+
 pub(super) fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
     effect.description().enters == Enters::Trial && at.get((effect, joint), 0) > 0.0
 }
@@ -490,6 +500,19 @@ pub(crate) fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> 
         };
         let held =
             how.held.contains(&(effect, entry.joint)) || found_by_trying(effect, entry.joint, at);
+        let place = (effect, entry.joint);
+        if how.held.contains(&place) && has_column(place) {
+            // Its value stays; how surely the other limbs know it is as good as a prior.
+            let value = at.get(place, entry.parameter);
+            let known =
+                (how.known.iter()).find(|known| (known.0, known.1) == (place, entry.parameter));
+            return Some(Bounded {
+                mean: value,
+                std: known.map_or(entry.std, |known| known.2),
+                lower: value,
+                upper: value,
+            });
+        }
         let [lower, upper] = match how.constraint {
             _ if held => [0.0, 0.0],
             Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],

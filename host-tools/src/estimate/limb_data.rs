@@ -12,6 +12,7 @@ use crate::equation::contribution::{Contribution, contributions};
 use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
 use crate::equation::motion::Motion;
+use crate::equation::recoil::Recoil;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
@@ -69,12 +70,25 @@ impl<'a> LimbData<'a> {
             return self.clone();
         }
         Self {
-            motion: Arc::new(Motion::of(self.recording, &self.blocks, &velocity_gain)),
+            motion: Arc::new(self.felt(Motion::of(self.recording, &self.blocks, &velocity_gain))),
             velocity_gain,
             integrals: Arc::default(),
             directions: Arc::default(),
             ..self.clone()
         }
+    }
+
+    /// Adds what its joints feel of a base that all limbs move: of data of which there is no copy yet.
+    pub(super) fn feel(&mut self, recoil: Recoil) {
+        if let Some(motion) = Arc::get_mut(&mut self.motion) {
+            motion.recoil = Some(Arc::new(recoil));
+        }
+    }
+
+    /// Another motion of the same samples, with what these data's has of the base.
+    fn felt(&self, mut motion: Motion) -> Motion {
+        motion.recoil.clone_from(&self.motion.recoil);
+        motion
     }
 
     /// The same with velocities as they were reported.
@@ -85,7 +99,7 @@ impl<'a> LimbData<'a> {
     /// The same with a window around each sample ([`Motion::at_samples`]), none left out, also where joints rest.
     pub(crate) fn at_samples(&self) -> Option<Self> {
         let (recording, gains) = (self.recording, &self.velocity_gain);
-        let motion = Motion::at_samples(recording, &self.blocks, gains);
+        let motion = self.felt(Motion::at_samples(recording, &self.blocks, gains));
         Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
     }
 
@@ -93,7 +107,7 @@ impl<'a> LimbData<'a> {
     #[cfg(feature = "mcap")]
     pub(crate) fn at_samples_apart(&self) -> Option<Self> {
         let (recording, gains) = (self.recording, &self.velocity_gain);
-        let mut motion = Motion::at_samples(recording, &self.blocks, gains);
+        let mut motion = self.felt(Motion::at_samples(recording, &self.blocks, gains));
         motion.windows = motion.windows.into_iter().step_by(3).collect();
         Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
     }
@@ -440,6 +454,7 @@ impl<'a> LimbData<'a> {
         let description = effect.description();
         let senses = match description.input {
             Input::Temperature => self.motion.temperature.iter().all(|t| t.is_finite()),
+            Input::Base => self.motion.recoil.is_some(),
             _ => true,
         };
         senses

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
 
-use super::fit::{How, LimbFit};
+use super::fit::{How, Known, LimbFit};
 use super::limb_data::LimbData;
+use crate::equation::recoil::recoils;
 use crate::equation::values::{Place, Values, is_shared};
-use crate::model::{BASE, Model};
+use crate::model::{BASE, Limb, Model};
 use crate::parallel::side_by_side;
-use crate::recording::Recording;
+use crate::recording::{LimbRecording, Recording};
 
 /// A value that all limbs share, and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +27,11 @@ impl Shared {
         (self.effect, BASE)
     }
 
+    /// How surely its value is known where it is held.
+    pub(crate) fn known(&self) -> Known {
+        (self.place(), self.parameter, self.std)
+    }
+
     /// Whether both are of the same parameter.
     fn is_of(&self, other: &Self) -> bool {
         (self.effect, self.parameter) == (other.effect, other.parameter)
@@ -37,11 +43,23 @@ const MOST_STEPS: usize = 2;
 
 /// The data of all limbs that were recorded.
 pub(crate) fn data<'a>(recording: &'a Recording, model: &'a Model) -> Vec<LimbData<'a>> {
-    let limbs: Vec<_> = recording.limbs.iter().collect();
-    let of = |(limb, samples): &&'a (crate::model::Limb, crate::recording::LimbRecording)| {
-        LimbData::of(model, limb, samples)
-    };
-    side_by_side(&limbs, of).into_iter().flatten().collect()
+    data_of(&recording.limbs, model)
+}
+
+/// The same of `limbs`; with what joints feel of a base that these move, where the model has an effect of it.
+pub(crate) fn data_of<'a>(
+    limbs: &'a [(Limb, LimbRecording)],
+    model: &'a Model,
+) -> Vec<LimbData<'a>> {
+    let limbs: Vec<_> = limbs.iter().collect();
+    let of = |(limb, samples): &&'a (Limb, LimbRecording)| LimbData::of(model, limb, samples);
+    let mut data: Vec<LimbData> = side_by_side(&limbs, of).into_iter().flatten().collect();
+    if (model.effects().iter()).any(|e| e.effect.description().is_of_base()) {
+        let motions: Vec<_> = (data.iter()).map(|d| (d.limb, &*d.motion)).collect();
+        let all = recoils(model, &motions);
+        (data.iter_mut().zip(all)).for_each(|(data, recoil)| data.feel(recoil));
+    }
+    data
 }
 
 /// Fits each limb's effects; `places` are of the limbs in their order. What limbs share is fitted by each, combined by the errors,
@@ -112,6 +130,7 @@ fn held<'a>(
         let how = How {
             start: Some(start),
             held: places_held.chain(how.held.iter().copied()).collect(),
+            known: shared.iter().map(Shared::known).collect(),
             ..how.clone()
         };
         LimbFit::of(data, places, &how)
@@ -149,6 +168,7 @@ pub(crate) fn refit<'a>(
     }
     let how = How {
         held: shared,
+        known: known.iter().map(Shared::known).collect(),
         ..how.clone()
     };
     let limbs: Vec<usize> = (0..data.len()).collect();

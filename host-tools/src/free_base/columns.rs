@@ -35,7 +35,7 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
             facts.enters == Enters::Column
                 && !matches!(
                     facts.input,
-                    Input::Temperature | Input::MotorTorque | Input::Limb
+                    Input::Temperature | Input::MotorTorque | Input::Limb | Input::Base
                 )
                 && !harmonics
         }

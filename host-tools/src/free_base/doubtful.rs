@@ -79,7 +79,7 @@ const KINDS: [Kind; 8] = [
     Kind {
         parameters: ACC_SCALE..PLACE,
         what: "the accelerometer's scale",
-        why: "something carries the robot, or this is another robot",
+        why: "something carries the robot, gravity is not 9.81 m/s², or this is another robot",
         times: 100.0,
         unit: "%",
     },

@@ -14,8 +14,8 @@ use proprio_core::walk::stance::{FORCE, HEIGHT};
 
 use super::columns::SENSORS;
 use super::error::FreeBaseError;
-use super::free_tree::{FreeTree, OF_BASE, Pose};
 use super::sensors;
+use crate::equation::free_tree::{FreeTree, OF_BASE, Pose};
 use crate::model::{Foot, ImuMount, Limb, Model, Robot};
 
 /// What a Go2's equations are multiplied by, so that their noise is alike: moments on the base (1), forces on it (m); joints' torques are as they are.

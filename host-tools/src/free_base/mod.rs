@@ -3,7 +3,7 @@
 //!
 //! A file uses only files above it in this list, and none uses this one.
 //!
-//! 1. `channels`: numbers of each joint, sample by sample. `free_tree`: the mechanics of bodies on a free base, however many. `windows`: what became of a
+//! 1. `channels`: numbers of each joint, sample by sample. `windows`: what became of a
 //!    log's windows, and their samples. `error`: why no parameters come out. `legged`: the robot, as its model has it: tree, feet, IMU, and all thresholds
 //!    in units of its own size and weight. `projector`: takes forces at feet out of the equations.
 //! 2. `stiction`: joints that friction may hold. `walk`: the log, what gravity's length tells of the accelerometer. `speed`: joint velocities from the
@@ -27,7 +27,6 @@ pub(crate) mod doubtful;
 mod error;
 pub(crate) mod expected;
 pub(crate) mod fit;
-pub(crate) mod free_tree;
 mod gravity;
 pub(crate) mod legged;
 mod moved_readings;

@@ -9,13 +9,13 @@ use proprio_core::effect::{Input, JointState, Term};
 
 use super::channels::Channels;
 use super::columns::{EffectSite, WalkColumns};
-use super::free_tree::{OF_BASE, Pose};
 use super::projector::Projector;
 use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::equation::column::Column;
+use crate::equation::free_tree::{OF_BASE, Pose};
 use crate::equation::presliding::Way;
 use crate::log::BRIDGED;
 

@@ -4,8 +4,8 @@
 use nalgebra::Vector3;
 use proprio_core::contact::SINGULAR;
 
-use super::free_tree::{FreeTree, Pose};
 use super::legged::Point;
+use crate::equation::free_tree::{FreeTree, Pose};
 
 /// The share of a row's square beyond which one pass leaves it orthogonal to rounding: half, as Daniel and others have it.
 const KEPT: f64 = 0.5;

@@ -7,7 +7,6 @@
 use nalgebra::Vector3;
 use proprio_core::spatial::{Motion, Transform};
 
-use super::free_tree::{Moving, OF_BASE};
 use super::projection::{JointStates, Span};
 use super::projector::Projector;
 use super::row_setup::RowSetup;
@@ -16,6 +15,7 @@ use super::stance::Stance;
 use super::walk::Walk;
 use super::windows::WindowSamples;
 use crate::equation::column::Column;
+use crate::equation::free_tree::{Moving, OF_BASE};
 
 /// What effects give in a window, N m s: joint by joint at each of its samples.
 pub(super) type Impulses = Vec<Vec<f64>>;

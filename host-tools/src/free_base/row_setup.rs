@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use proprio_core::inertia::INERTIAL;
 
 use super::columns::WalkColumns;
-use super::free_tree::FreeTree;
 use super::sensors::Sensors;
+use crate::equation::free_tree::FreeTree;
 use crate::equation::values::Place;
 use crate::estimate::bounded::body;
 

@@ -6,7 +6,6 @@ use proprio_core::effect::STANDING_NOISE;
 use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
 
 use super::channels::Channels;
-use super::free_tree::OF_BASE;
 use super::legged::Legged;
 use super::moved_readings::MovedReadings;
 use super::projection::{JointStates, Projection};
@@ -17,6 +16,7 @@ use super::walk::Walk;
 use super::window::{Push, Window, WindowRows};
 use super::windows::{WindowSamples, Windows};
 use crate::equation::column::Column;
+use crate::equation::free_tree::OF_BASE;
 use crate::estimate::factor::{BATCH, HeapFactor};
 
 /// Stamps of a steady clock are off by no more, s.

@@ -18,11 +18,11 @@ use proprio_core::window::Settings;
 use serde::Serialize;
 
 use super::channels::Channels;
-use super::free_tree::{Moving, OF_BASE};
 use super::legged::{Legged, LeggedFoot};
 use super::supported::{self, Support};
 use super::transmitted::{self, Needed};
 use super::walk::Walk;
+use crate::equation::free_tree::{Moving, OF_BASE};
 use crate::robust;
 
 /// Feet that stay as they are for longer than this on average do not step, s: ten windows of the long kind.

@@ -7,9 +7,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::channels::Channels;
-use super::free_tree::{OF_BASE, Pose};
 use super::legged::Legged;
 use super::walk::Walk;
+use crate::equation::free_tree::{OF_BASE, Pose};
 
 /// What is asked of a force in a direction that nothing tells, as a share of what all equations tell of one on average: to be small.
 const DAMPING: f64 = 1e-3;

@@ -6,12 +6,12 @@ use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::{Motion, Transform};
 use proprio_core::window::Settings;
 
-use super::free_tree::{FreeTree, Moving, OF_BASE, Run};
 use super::legged::Legged;
 use super::projector::Projector;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
+use crate::equation::free_tree::{FreeTree, Moving, OF_BASE, Run};
 
 /// What became of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

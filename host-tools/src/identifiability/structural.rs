@@ -55,6 +55,8 @@ impl Instant {
         JointState {
             temperature: self.temperature,
             presliding: t * self.deflection,
+            // That of other limbs: of nothing that this one does.
+            recoil: [0.0, self.tau * self.deflection],
             ..JointState::reported(q, dq, self.tau)
         }
     }

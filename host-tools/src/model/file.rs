@@ -116,6 +116,13 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
     file.effect
         .iter()
         .try_for_each(|effect| read_effect(&mut model, effect, text))?;
+    let mount = file.base.as_ref().map(|base| &base.get_ref().mount);
+    if matches!(mount, Some(Mount::Suspended)) {
+        // What such a base does is an effect; one that has a value stands in the file already.
+        for effect in EffectKind::OF_BASE {
+            model.add_effect(effect, BASE);
+        }
+    }
     model.provenance = file.provenance.map(|table| Provenance {
         version: table.version,
         command: table.command,
@@ -175,9 +182,7 @@ fn robot(
 
 fn mounting(table: &Spanned<BaseTable>) -> Result<Mounting, Fault> {
     let BaseTable {
-        mount: Mount::Pinned,
-        rpy,
-        quaternion,
+        rpy, quaternion, ..
     } = table.get_ref();
     let unit = |q: &[f64; 4]| {
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -12,7 +12,7 @@
 //! builtin = "go2"                 # or urdf = "robot.urdf", relative to this file
 //!
 //! [base]
-//! mount = "pinned"
+//! mount = "fixed"                 # or "suspended": it recoils from its limbs, by the effect `base_recoil`
 //! rpy = [0.0, 0.0, 0.0]           # or quaternion = [w, x, y, z]: the base in the world
 //!
 //! [held]                          # joints that do not move, with a URDF: rad or m

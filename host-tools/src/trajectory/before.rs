@@ -8,6 +8,12 @@ use super::Trajectory;
 const BEYOND: f64 = 8.5e-3;
 
 impl Trajectory {
+    /// Position and velocity `since` seconds after sample `near`, or before it; at rest there where that is too far to know.
+    pub(crate) fn after(&self, near: usize, since: f64) -> [f64; 2] {
+        let [q, dq, ..] = moved(&self.state[near], since.clamp(-BEYOND, BEYOND));
+        [q, if since.abs() > BEYOND { 0.0 } else { dq }]
+    }
+
     /// The trajectory as it was some time before each sample.
     pub(crate) fn delayed(&self, before: &Before) -> Self {
         // Beyond the first and last sample the trajectory is a cubic for no longer than it was fitted.
@@ -44,6 +50,18 @@ struct Moment {
 }
 
 impl Before {
+    /// What numbers of so many joints, sample by sample, were at these moments, on the line between the samples about each.
+    pub(crate) fn of_joints(&self, numbers: &[[f64; 2]], joints: usize) -> Vec<[f64; 2]> {
+        let at = |moment: &Moment, j: usize| {
+            let [near, other] = [moment.near, moment.other].map(|k| numbers[k * joints + j]);
+            [0, 1].map(|n| near[n] + (other[n] - near[n]) * moment.share)
+        };
+        let moments = self.moments.iter();
+        moments
+            .flat_map(|moment| (0..joints).map(move |j| at(moment, j)))
+            .collect()
+    }
+
     /// `delay` seconds before the samples at the times `t`, which lie in `stretches` one after the other.
     pub(crate) fn of(t: &[f64], stretches: &[Range<usize>], delay: f64) -> Self {
         let mut moments = Vec::with_capacity(t.len());

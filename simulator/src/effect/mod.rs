@@ -144,6 +144,11 @@ pub(crate) trait Effect: Send {
         [0.0; 2]
     }
 
+    /// How much of the motion of a base that nothing holds the base has.
+    fn recoil(&self) -> f64 {
+        0.0
+    }
+
     /// Force on the leg's foot at time `t`, N, in the base's frame.
     fn foot_force(&self, _t: f64) -> Vector3<f64> {
         Vector3::zeros()
@@ -331,6 +336,8 @@ effects! {
     CurrentLag = current_lag,
     /// A base that is not level.
     BaseTilt = base_tilt,
+    /// A base that the legs move.
+    BaseRecoil = base_recoil,
     /// A mass on a body.
     Payload = payload,
     /// Force episodes at a foot.

@@ -208,6 +208,8 @@ fn places(kind: HiddenKind) -> std::ops::Range<usize> {
     match kind.description().scope {
         Scope::Joint => 0..3,
         Scope::Pair => 1..3,
+        // All legs tell it, and these cases are of one.
+        Scope::Base if kind == HiddenKind::BaseRecoil => 0..0,
         Scope::Foot | Scope::Base => 2..3,
     }
 }

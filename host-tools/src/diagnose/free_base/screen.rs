@@ -8,6 +8,7 @@ use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
 use crate::equation::column::{Column, Columns, Entry};
+use crate::equation::free_tree::OF_BASE;
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::r_factor::{Prior, RFactor, prior_of_body};
@@ -15,7 +16,6 @@ use crate::free_base::Walks;
 use crate::free_base::columns::{all_places, prior};
 use crate::free_base::data::Data;
 use crate::free_base::fit::Fit;
-use crate::free_base::free_tree::OF_BASE;
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::model::{BASE, Model};

@@ -62,7 +62,10 @@ pub(super) struct BaseTable {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Mount {
-    Pinned,
+    #[serde(alias = "pinned")]
+    Fixed,
+    /// It recoils from its limbs.
+    Suspended,
 }
 
 /// What messages leave open.

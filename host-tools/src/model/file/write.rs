@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
-use proprio_core::effect::Prior;
+use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::{INERTIAL, NAMES};
 
 use super::FORMAT;
@@ -34,7 +34,11 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             )?;
         }
     }
-    writeln!(out, "\n[base]\nmount = \"pinned\"")?;
+    let is_fixed = EffectKind::OF_BASE
+        .iter()
+        .all(|e| model.effect(*e, BASE).is_none());
+    let mount = if is_fixed { "fixed" } else { "suspended" };
+    writeln!(out, "\n[base]\nmount = \"{mount}\"")?;
     match &model.mounting {
         Mounting::Rpy(rpy) => writeln!(out, "rpy = {rpy:?}")?,
         Mounting::Quaternion(q) => writeln!(out, "quaternion = {q:?}")?,

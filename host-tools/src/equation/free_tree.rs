@@ -17,7 +17,7 @@ use crate::model::{self, JointKind};
 pub(crate) const OF_BASE: usize = 6;
 
 /// Ten numbers that multiply a body's parameters.
-pub(super) type Run = [f64; INERTIAL];
+pub(crate) type Run = [f64; INERTIAL];
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,24 +32,24 @@ pub(crate) struct FreeTree {
 
 /// Where bodies are, in the base.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Pose {
-    pub(super) in_base: Vec<Transform<f64>>,
+pub(crate) struct Pose {
+    pub(crate) in_base: Vec<Transform<f64>>,
     /// What each body's joint lets it do, about the base's origin; nothing of the base itself.
-    pub(super) along: Vec<Motion<f64>>,
+    pub(crate) along: Vec<Motion<f64>>,
 }
 
 /// How bodies move, in the base's axes about its origin.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Moving {
-    pub(super) pose: Pose,
-    pub(super) velocity: Vec<Motion<f64>>,
+pub(crate) struct Moving {
+    pub(crate) pose: Pose,
+    pub(crate) velocity: Vec<Motion<f64>>,
     /// Momenta of subtrees.
     momentum: Vec<Force<f64>>,
 }
 
 impl FreeTree {
     /// A base and a robot's bodies, which are numbered depth first.
-    pub(super) fn new(base: InertialParameters<f64>, bodies: &[model::Body]) -> Self {
+    pub(crate) fn new(base: InertialParameters<f64>, bodies: &[model::Body]) -> Self {
         let own = bodies.iter().map(|body| Body {
             parent: Some(body.parent.map_or(0, |parent| parent + 1)),
             placement: body.placement,
@@ -115,7 +115,7 @@ impl FreeTree {
     }
 
     /// The same tree with other inertial parameters.
-    pub(super) fn with_inertia(
+    pub(crate) fn with_inertia(
         &self,
         inertia: impl Iterator<Item = InertialParameters<f64>>,
     ) -> Self {
@@ -127,22 +127,22 @@ impl FreeTree {
     }
 
     /// The coordinates that move a body, in order.
-    pub(super) fn movers(&self, body: usize) -> &[usize] {
+    pub(crate) fn movers(&self, body: usize) -> &[usize] {
         &self.movers[body]
     }
 
     /// How many pairs of a body and a coordinate that moves it there are.
-    pub(super) fn runs(&self) -> usize {
+    pub(crate) fn runs(&self) -> usize {
         self.first_run[self.bodies.len()]
     }
 
     /// The runs of a body among those of all, one of each of its movers.
-    pub(super) fn runs_of(&self, body: usize) -> Range<usize> {
+    pub(crate) fn runs_of(&self, body: usize) -> Range<usize> {
         self.first_run[body]..self.first_run[body + 1]
     }
 
     /// Where bodies are with joints at `q`, rad or m.
-    pub(super) fn place(&self, q: &[f64], pose: &mut Pose) {
+    pub(crate) fn place(&self, q: &[f64], pose: &mut Pose) {
         pose.in_base.clear();
         pose.along.clear();
         for (b, body) in self.bodies.iter().enumerate() {
@@ -172,7 +172,7 @@ impl FreeTree {
     }
 
     /// The same with velocities: the base's twist, and the joints', rad/s or m/s.
-    pub(super) fn update(&self, q: &[f64], base: Motion<f64>, dq: &[f64], moving: &mut Moving) {
+    pub(crate) fn update(&self, q: &[f64], base: Motion<f64>, dq: &[f64], moving: &mut Moving) {
         self.place(q, &mut moving.pose);
         moving.velocity.clear();
         moving.velocity.push(base);
@@ -184,7 +184,7 @@ impl FreeTree {
     }
 
     /// H q̇ and −Cᵀ q̇, without gravity.
-    pub(super) fn momentum_and_rate(
+    pub(crate) fn momentum_and_rate(
         &self,
         moving: &mut Moving,
         momentum: &mut [f64],
@@ -225,8 +225,16 @@ impl FreeTree {
         }
     }
 
+    /// All bodies as one, in the base.
+    pub(super) fn whole(&self, pose: &Pose) -> InertialParameters<f64> {
+        let placed = self.bodies.iter().zip(&pose.in_base);
+        placed.fold(InertialParameters::zero(), |all, (body, placed)| {
+            all + body.inertia.in_parent(placed)
+        })
+    }
+
     /// Runs that multiply the bodies' parameters, of each body one for each of its movers: those of H q̇ and those of Cᵀ q̇.
-    pub(super) fn regressors(&self, moving: &Moving, momentum: &mut [Run], coriolis: &mut [Run]) {
+    pub(crate) fn regressors(&self, moving: &Moving, momentum: &mut [Run], coriolis: &mut [Run]) {
         let base = moving.velocity[0];
         let along: Vec<(Motion<f64>, Motion<f64>)> = (0..self.coordinates())
             .map(|c| match c.checked_sub(OF_BASE) {
@@ -254,7 +262,7 @@ impl FreeTree {
 
     /// The columns of the inertia matrix that the base's translation has: what each coordinate needs of force for an acceleration of all bodies
     /// alike, per m/s² along the base's axes.
-    pub(super) fn carried(&self, pose: &Pose, columns: &mut [Vector3<f64>]) {
+    pub(crate) fn carried(&self, pose: &Pose, columns: &mut [Vector3<f64>]) {
         // Mass and first moment of each subtree.
         let mut all: Vec<(f64, Vector3<f64>)> = (self.bodies.iter().zip(&pose.in_base))
             .map(|(body, placed)| {
@@ -282,7 +290,7 @@ impl FreeTree {
 
     /// What the coordinates need of force: H a + C v, where the base's acceleration is that without gravity, as an accelerometer at its origin reads
     /// it.
-    pub(super) fn inverse_dynamics(
+    pub(crate) fn inverse_dynamics(
         &self,
         moving: &Moving,
         base: Motion<f64>,
@@ -313,7 +321,7 @@ impl FreeTree {
     }
 
     /// How fast a point that is fixed to a body, given in the base, moves per unit of each coordinate that moves the body, m/s.
-    pub(super) fn point_velocities<'a>(
+    pub(crate) fn point_velocities<'a>(
         &'a self,
         pose: &'a Pose,
         body: usize,
