@@ -164,6 +164,17 @@ fn branch(first: u32, second: Option<u32>) -> Option<i64> {
     }
 }
 
+/// The images that `proprio flash` writes have the same application between other functions, so that others are inlined. What `App::keep` asks of
+/// their flash wakes a task, through a pointer.
+#[test]
+fn nothing_that_a_step_of_the_nucleos_images_reaches_can_panic() {
+    for (walks, app) in [(false, "App"), (true, "WalkingApp")] {
+        let image = Image::read(&image::build_nucleo(walks).unwrap());
+        let ways = image.panics(&["proprio_core", "3app", app, "4step"]);
+        assert!(ways.is_empty(), "{app}:\n{}", ways.join("\n"));
+    }
+}
+
 #[test]
 fn nothing_that_a_step_reaches_can_panic() {
     for scalar in [Scalar::F64, Scalar::F32] {

@@ -367,7 +367,12 @@ fn write<T: Real>(
         sums.for_each(|(sum, x)| *sum += x * share);
     }
     let mut base = COLUMNS.iter();
-    for (joint, (block, noise)) in blocks.chunks_exact_mut(LONGEST).zip(noise).enumerate() {
+    let mut places = blocks.chunks_exact_mut(LONGEST).zip(noise).zip(BASE_RANK);
+    // Joints are counted to their number, so that the compiler sees that no index is beyond it.
+    for joint in 0..JOINTS_PER_LEG {
+        let Some(((block, noise), rank)) = places.next() else {
+            break;
+        };
         let weight = T::one() / number(*noise);
         let own = [
             (q[1][joint] - q[0][joint]) * per_second,
@@ -375,7 +380,7 @@ fn write<T: Real>(
             (dq[1][joint] - dq[0][joint]) * per_second,
             T::one(),
         ];
-        let bodies = base.by_ref().take(BASE_RANK[joint]);
+        let bodies = base.by_ref().take(rank);
         let bodies = bodies.map(|column| column.of(&momenta, &rates));
         let torque = number(reading.tau[joint]);
         let row = own.into_iter().chain(bodies).chain([torque]);
