@@ -611,8 +611,8 @@ impl<'a> Ordered<'a> {
         range
     }
 
-    /// Of a range with one edge, the side that is at fault, the one beside which less is left, and whether the model fits on both: then that is what is
-    /// later, or the smaller part.
+    /// Of a range with one edge, the side that is at fault, the one beside which less is left, and whether the model fits on both: of time that is then what is
+    /// later.
     fn at_fault(&self, range: Range, variable: RegimeOf) -> Option<(Range, bool)> {
         let (n, split) = (self.x.len(), self.split(range)?);
         let rest = match (range.from, range.to) {
@@ -626,9 +626,8 @@ impl<'a> Ordered<'a> {
         let [own, other] = [split.mean[0], other.mean[0]];
         let change = own.max(other) <= LOUDER * own.min(other);
         let is_rest = match (change, variable) {
-            (false, _) => other < own,
             (true, RegimeOf::Time) => range.from == 0,
-            (true, _) => rest.to - rest.from < range.to - range.from,
+            _ => other < own,
         };
         Some((if is_rest { rest } else { range }, change))
     }

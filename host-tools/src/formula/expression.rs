@@ -362,15 +362,16 @@ impl Expression {
         match function {
             Function::Abs => a.map(|x| [x.abs(), sign(x)]),
             Function::Sign => a.map(|x| [sign(x), 0.0]),
-            Function::Step => a.map(|x| [if x < 0.0 { 0.0 } else { 1.0 }, 0.0]),
+            Function::Step => a.map(|x| [step(x), 0.0]),
             Function::Exp => a.map(|x| [x.exp(), x.exp()]),
             Function::Log => a.map(|x| [x.ln(), x.recip()]),
             Function::Sqrt => a.map(|x| [x.sqrt(), 0.5 / x.sqrt()]),
             Function::Sin => a.map(|x| [x.sin(), x.cos()]),
             Function::Cos => a.map(|x| [x.cos(), -x.sin()]),
             Function::Tanh => a.map(|x| [x.tanh(), 1.0 - x.tanh().powi(2)]),
-            Function::Min => of_two(|a, b| a <= b),
-            Function::Max => of_two(|a, b| a >= b),
+            // What is no number stays none, whichever of the two it is.
+            Function::Min => of_two(|a, b| a <= b || a.is_nan()),
+            Function::Max => of_two(|a, b| a >= b || a.is_nan()),
         }
     }
 
@@ -418,6 +419,14 @@ impl Expression {
         found.sort_unstable();
         found.dedup();
         found
+    }
+}
+
+fn step(x: f64) -> f64 {
+    match x {
+        x if x.is_nan() => x,
+        x if x < 0.0 => 0.0,
+        _ => 1.0,
     }
 }
 
