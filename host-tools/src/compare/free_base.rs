@@ -180,6 +180,7 @@ pub fn compare_free_base_without(
             patterns: ranking::patterns(&criticism),
             episodes: ranking::episodes(&criticism, moment),
             black_box: None,
+            elastic: None,
             criticism,
             every_window: None,
             logs: logs.to_vec(),

@@ -10,6 +10,7 @@
 //! Files beside:
 //!
 //! - `csv`: responses as a table
+//! - `elastic`: whether logs are of an elastic robot beyond its antiresonances
 //! - `error`: why logs are refused
 //! - `experiments`: spectra of periods, transients left out; what is excited
 //! - `fit`: the weighted fit of logarithms, its errors and what is held out
@@ -27,6 +28,7 @@
 //! - `text`: the first screen
 
 mod csv;
+mod elastic;
 mod error;
 mod experiments;
 mod fit;
@@ -43,6 +45,7 @@ mod springs;
 mod start;
 mod text;
 
+pub use elastic::mismatches;
 pub use error::FrfError;
 pub(crate) use experiments::{HIGHEST, LEAST_LINES};
 pub(crate) use foreseen::{ExpectedSpring, Foreseen};
