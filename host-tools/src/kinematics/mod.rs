@@ -23,6 +23,7 @@
 //! - `search`: the ladder, rung by rung
 //! - `start`: where the measuring system and the targets are, from nothing
 //! - `text`: the first screen
+//! - `witnesses`: springs and gaps that other witnesses have measured too
 
 mod applied;
 mod chain;
@@ -42,6 +43,7 @@ mod result;
 mod search;
 mod start;
 mod text;
+mod witnesses;
 
 pub use compare::{ComparedPose, ComparedTarget, PoseComparison, compare_poses};
 pub use design::{Expected, PoseDesign, design_poses};

@@ -12,6 +12,7 @@ use super::held_out::place_rms;
 use super::identifiable;
 use super::poses::{Carrier, Poses};
 use super::search::{self, Found};
+use super::witnesses::{self, Witnessed};
 use super::{gates, moved, start};
 use crate::model::{JointQuantity as Q, Model, Provenance};
 use crate::summary::ErrorRange;
@@ -22,9 +23,6 @@ const LEAST_POSES: usize = 5;
 const FEW: usize = 2;
 /// A value within so many standard deviations of nothing is not identified.
 const PRESENT: f64 = 2.0;
-
-/// Two values of one spring contradict each other beyond this chi² of one degree of freedom: one in a thousand does by chance.
-const CONTRADICTS: f64 = 10.8;
 
 /// A rung of the ladder.
 #[derive(Debug, Clone, Serialize)]
@@ -148,6 +146,8 @@ pub struct Calibration {
     pub by_joint: Vec<JointShare>,
     /// Poses left out.
     pub outliers: Vec<Outlier>,
+    /// Springs and gaps that others than these poses have measured too.
+    pub witnesses: Vec<crate::model::Witnessed>,
     /// What a user should know.
     pub warnings: Vec<String>,
     /// The model with the values.
@@ -181,7 +181,7 @@ pub fn calibrate(
     };
     let needed = enough(&problem, model, &started, only_offsets)?;
     let given = given(&problem, model)?;
-    let found = search::search(&chain, poses, &started, only_offsets)?;
+    let mut found = search::search(&chain, poses, &started, only_offsets)?;
     let problem = Problem {
         used: found.used.clone(),
         ..problem
@@ -193,28 +193,23 @@ pub fn calibrate(
             found.fit.rows.b.len()
         ));
     }
-    let mut calibration = report(&problem, model, &found, given, warnings);
-    calibration.model = applied(&chain, poses, model, &found.fit, &links)?;
-    let disagreements = disagreements(model, &calibration.model);
-    calibration.warnings.extend(disagreements);
-    Ok(calibration)
-}
-
-/// Springs of the model file, from motion logs or earlier poses, that these poses contradict: both values.
-fn disagreements(was: &Model, is: &Model) -> Vec<String> {
-    let joint = |joint: usize| {
-        let [old, new] = [was, is].map(|model| model.joint_quantity(joint, Q::Elasticity));
-        let (old, new) = (old?, new?);
-        let (old_std, new_std) = (old.std?, new.std?);
-        let chi2 = (old.value - new.value).powi(2) / (old_std.powi(2) + new_std.powi(2));
-        (chi2 > CONTRADICTS).then(|| {
-            format!(
-                "elasticity of {}: 1/k is {:.3e} ± {:.1e} in the model file, {:.3e} ± {:.1e} by these poses (chi² {chi2:.1})",
-                was.joint_name(joint), old.value, old_std, new.value, new_std
-            )
-        })
+    let mut witnessed = Witnessed {
+        fit: found.fit.clone(),
+        own: Vec::new(),
     };
-    (0..was.robot().bodies().len()).filter_map(joint).collect()
+    if !only_offsets {
+        witnessed = witnesses::witnessed(&problem, model, &found.fit);
+        found.fit = witnessed.fit.clone();
+        if let Some(last) = found.path.last_mut() {
+            last.error = found.fit.error_mm();
+        }
+    }
+    let mut calibration = report(&problem, model, &found, given, warnings);
+    calibration.model = applied(&chain, poses, model, &witnessed, &links)?;
+    calibration.witnesses = calibration.model.witnessed();
+    let contradictions = calibration.model.contradictions();
+    calibration.warnings.extend(contradictions);
+    Ok(calibration)
 }
 
 /// The state before anything is known, and what carries each target.
@@ -414,6 +409,7 @@ fn report(
                 error: *error,
             })
             .collect(),
+        witnesses: Vec::new(),
         warnings,
         model: model.clone(),
     }

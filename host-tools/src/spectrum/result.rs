@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use super::error::FrfError;
@@ -14,7 +13,7 @@ use super::record::{Record, TorqueUnit};
 use super::response::{self, Point};
 use super::springs::{self, FRICTION_DOUBT, bench, mode, with_model};
 use crate::catalogue;
-use crate::model::Model;
+use crate::model::{Model, Witness, Witnessed};
 use crate::robust::median;
 use crate::summary::ErrorRange;
 
@@ -146,6 +145,8 @@ pub struct Frf {
     pub lacking: Option<f64>,
     /// Mean square error in units of the scatter.
     pub chi_squared: Option<f64>,
+    /// Springs that others than these responses have measured too.
+    pub witnesses: Vec<Witnessed>,
     /// What a user should know.
     pub warnings: Vec<String>,
     /// Held out: rigid, with springs, scatter alone.
@@ -228,6 +229,7 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         links: Vec::new(),
         lacking: None,
         chi_squared: None,
+        witnesses: Vec::new(),
         warnings,
         error: ErrorRange {
             before: None,
@@ -251,6 +253,11 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         found.curves = curves(&points, &frequencies, &found.joints, None);
     }
     drop(fitted);
+    if let Some(model) = model {
+        let own = found.to_model(model)?;
+        found.witnesses = own.witnessed();
+        found.warnings.extend(own.contradictions());
+    }
     found.measured = points;
     Ok(found)
 }
@@ -417,7 +424,7 @@ impl Frf {
         own.filter(|(_, k)| k.value > IDENTIFIED * k.std)
     }
 
-    /// The model with the springs that were identified: 1/k of `elasticity` at each joint.
+    /// The model with the springs that were identified: 1/k of `elasticity` at each joint, combined with what other witnesses say.
     ///
     /// # Errors
     /// If the file cannot hold a value.
@@ -428,15 +435,11 @@ impl Frf {
         };
         for (i, k) in self.identified_springs() {
             let joint = own.robot().joint(&self.joints[i])?;
-            set(&mut own, elasticity, joint, k)?;
+            let std = k.std / (k.value * k.value);
+            own.set_measured(elasticity, joint, Witness::Responses, 1.0 / k.value, std)?;
         }
         Ok(own)
     }
-}
-
-fn set(model: &mut Model, effect: EffectKind, joint: usize, k: Estimated) -> Result<(), FrfError> {
-    let std = k.std / (k.value * k.value);
-    Ok(model.set_effect(effect, joint, 1.0 / k.value, Some(std))?)
 }
 
 /// The links' encoders against what the fit predicts of them.
