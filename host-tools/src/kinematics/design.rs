@@ -17,7 +17,7 @@ use super::error::CalibrateError;
 use super::facts::EFFECTS;
 use super::identifiable::{blank_pose, random_poses};
 use super::poses::Pose;
-use super::result::owner;
+use super::reported::owner;
 use super::search::frame_columns;
 use super::start::FREE;
 use crate::model::{JointQuantity as Q, Model};

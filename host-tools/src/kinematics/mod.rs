@@ -19,7 +19,8 @@
 //! - `moved`: whether a target moved between two poses
 //! - `outliers`: poses that do not fit the others
 //! - `poses`: files of poses
-//! - `result`: what `calibrate` and `compare` report
+//! - `reported`: what a search has found, as data
+//! - `result`: `calibrate`, from poses to its report
 //! - `search`: the ladder, rung by rung
 //! - `start`: where the measuring system and the targets are, from nothing
 //! - `text`: the first screen
@@ -39,6 +40,7 @@ mod identifiable;
 mod moved;
 mod outliers;
 mod poses;
+mod reported;
 mod result;
 mod search;
 mod start;

@@ -4,11 +4,9 @@
 use super::columns::{Column, Unknown};
 use super::facts::EFFECTS;
 use super::fit::{Fit, Problem};
+use super::reported::HARDLY;
 use super::search::effect_columns;
 use crate::model::{JointQuantity as Q, Measured, Model, Witness};
-
-/// A number that poses leave less sure than this share of its prior is not measured by them: [`Value::status`](super::result::Value) has the same.
-const MEASURED: f64 = 0.5;
 
 /// A fit that has heard all witnesses.
 pub(super) struct Witnessed {
@@ -88,7 +86,7 @@ fn with_stated(problem: &Problem, fit: &Fit, stated: &[(Unknown, Measured)]) -> 
         let measured = |column: &Column| {
             let values = with.values(problem.chain);
             let own = values.iter().find(|(c, ..)| c.unknown == column.unknown);
-            own.is_some_and(|(c, value, std)| *value > 0.0 && *std < MEASURED * c.prior)
+            own.is_some_and(|(c, value, std)| *value > 0.0 && *std < HARDLY * c.prior)
         };
         let count = more.len();
         more.retain(measured);

@@ -17,7 +17,9 @@
 //! - `flexible`: the flexible joint model's response and derivatives
 //! - `foreseen`: responses and errors that an experiment will have
 //! - `friction`: dry friction out of the torque
+//! - `held_out`: errors of what a fit has not used
 //! - `layout`: the unknowns of a fit
+//! - `linear`: the linear algebra of a fit
 //! - `periods`: the period of a log and its periodic stretches
 //! - `record`: logs of periodic experiments
 //! - `response`: responses by point and block, with noise and scatter
@@ -35,7 +37,9 @@ mod fit;
 mod flexible;
 mod foreseen;
 mod friction;
+mod held_out;
 mod layout;
+mod linear;
 mod periods;
 mod record;
 mod response;

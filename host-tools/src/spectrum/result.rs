@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::error::FrfError;
 use super::experiments::Experiments;
 use super::fit::{Fit, Problem, rms};
-use super::flexible::{derived, link_response};
+use super::flexible::At;
 use super::layout::Unknown;
 use super::record::{Record, TorqueUnit};
 use super::response::{self, Point};
@@ -449,11 +449,11 @@ fn links(points: &[Point], joints: &[String], problem: &Problem, fit: &Fit) -> V
         let mut ratios = Vec::new();
         for (p, point) in points.iter().enumerate() {
             let (measured, noise) = &point.link;
+            let at = At::new(&problem.plants[p], &fit.layout, &fit.x);
             for line in 0..problem.used.min(measured.len()) {
                 let own = measured[line][(i, i)];
                 let omega = problem.omega[line];
-                let predicted =
-                    link_response(&problem.plants[p], &fit.layout, &fit.x, omega, problem.dt);
+                let predicted = at.link_response(omega, problem.dt);
                 if let Some(predicted) = predicted
                     && noise[line][(i, i)].sqrt() < LINK_NOISE * own.norm()
                 {
@@ -487,9 +487,11 @@ fn curves(
     let mut all = Vec::new();
     for (p, point) in points.iter().enumerate() {
         let model: Vec<_> = match fitted {
-            Some((problem, fit)) => (problem.omega.iter())
-                .filter_map(|&w| derived(&problem.plants[p], &fit.layout, &fit.x, w, problem.dt))
-                .collect(),
+            Some((problem, fit)) => {
+                let at = At::new(&problem.plants[p], &fit.layout, &fit.x);
+                let lines = problem.omega.iter();
+                lines.filter_map(|&w| at.response(w, problem.dt)).collect()
+            }
             None => Vec::new(),
         };
         for (i, output) in joints.iter().enumerate() {
@@ -504,7 +506,7 @@ fn curves(
                     std: std
                         .map(|(v, n)| [v[(i, j)].sqrt(), n[(i, j)].sqrt()])
                         .collect(),
-                    modelled: model.iter().map(|m| pair(m.response[(i, j)])).collect(),
+                    modelled: model.iter().map(|m| pair(m[(i, j)])).collect(),
                 });
             }
         }
