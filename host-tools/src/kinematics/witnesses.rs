@@ -8,7 +8,7 @@ use super::reported::HARDLY;
 use super::search::effect_columns;
 use crate::model::{JointQuantity as Q, Measured, Model, Witness};
 
-/// A fit that has heard all witnesses.
+/// A fit with the numbers of all witnesses.
 pub(super) struct Witnessed {
     pub(super) fit: Fit,
     /// Springs and gaps by these poses alone: value and standard deviation.
