@@ -477,8 +477,11 @@ fn a_spring_of_another_witness_is_combined_or_contradicted() {
     ));
     let again = of_a2(&again);
     assert_eq!(again["measured"].as_array().unwrap().len(), 2);
+    assert_eq!(again["measured"][0], own["measured"][0]);
+    let stds = [0, 1].map(|n: usize| number(&again["measured"][n]["std"]));
+    let both = stds[0].powi(-2) + stds[1].powi(-2);
     assert!(
-        (number(&again["std"]) / number(&own["std"]) - 1.0).abs() < 0.05,
+        (number(&again["std"]) * both.sqrt() - 1.0).abs() < 1e-6,
         "{again}"
     );
 

@@ -224,7 +224,11 @@ impl Model {
     /// What [`witnessed`](Self::witnessed) numbers contradict each other, in words.
     pub fn contradictions(&self) -> impl Iterator<Item = String> {
         let all = self.witnessed().into_iter().filter(|one| !one.agree);
-        all.map(|one| format!("{one}: the model has the last one measured"))
+        all.map(|one| {
+            let surest = one.measured.iter().min_by(|a, b| a.std.total_cmp(&b.std));
+            let surest = surest.map_or("", |m| m.by.key());
+            format!("{one}: the model has the last one measured; the surest is by {surest}")
+        })
     }
 }
 

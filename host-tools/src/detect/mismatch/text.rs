@@ -176,7 +176,7 @@ impl fmt::Display for MismatchKind {
                 let each = joints.iter().map(|(joint, f)| format!("{joint} {f:.1} Hz"));
                 write!(
                     f,
-                    "an elastic robot, excited beyond the antiresonances of its springs ({}): rigid bodies do not predict its torque; use `proprio frf`",
+                    "an elastic robot, excited beyond the antiresonances of its springs ({}): the model does not predict its torque there; use `proprio frf`",
                     each.collect::<Vec<_>>().join(", ")
                 )
             }
