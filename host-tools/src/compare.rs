@@ -86,6 +86,9 @@ pub struct Comparison {
     /// The effects that were left out of the model as it was given, where it is compared with that.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
+    /// That the robot is elastic and excited beyond what is compared here, in words; among the warnings too.
+    #[serde(skip)]
+    pub elastic: Option<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
     pub fitted: bool,
     /// The values of the model's effects.
@@ -304,6 +307,7 @@ impl Judged<'_> {
             regimes: self.regimes(&followed, &criticism),
             episodes: ranking::episodes(&criticism, |t| recording.moment(t)),
             black_box,
+            elastic: None,
             criticism,
             every_window: None,
             logs: recording.logs.clone(),

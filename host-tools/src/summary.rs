@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::model::Witnessed;
+
 /// The first screen.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Summary {
@@ -150,6 +152,46 @@ fn wrapped_lines(text: &str, first: &str, next: &str) -> Vec<String> {
     }
     lines.push(line);
     lines
+}
+
+/// A number to three digits.
+pub(crate) fn short(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-2..1e4).contains(&size) => {
+            let digits = (2 - size.log10().floor() as i32).max(0) as usize;
+            format!("{x:.digits$}")
+        }
+        _ => format!("{x:.2e}"),
+    }
+}
+
+/// An estimate as a line of `--verbose`: name, value, standard deviation, status and unit.
+pub(crate) struct ValueLine<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) value: f64,
+    pub(crate) std: f64,
+    pub(crate) status: &'a str,
+    pub(crate) unit: &'a str,
+}
+
+/// Estimates line by line, and what several witnesses measured of them.
+pub(crate) fn value_lines<'a>(
+    values: impl Iterator<Item = ValueLine<'a>>,
+    witnesses: &[Witnessed],
+) -> String {
+    let mut out = String::from(
+        "\nvalue                                    estimate            std  status\n",
+    );
+    for v in values {
+        let [value, std] = [v.value, v.std].map(short);
+        let (name, status, unit) = (v.name, v.status, v.unit);
+        out += &format!("{name:<34} {value:>14} {std:>14}  {status} ({unit})\n");
+    }
+    for witnessed in witnesses {
+        out += &format!("{witnessed}\n");
+    }
+    out
 }
 
 /// A torque error as it is told: three digits that count, N m.

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use proprio_host::command::result::{self, judged};
 use proprio_host::compare::{self as room, ValuesFrom, own_rate};
-use proprio_host::detect::mismatch::mismatches;
 use proprio_host::diagnose::{self as diagnosis, Reach, diagnose_by};
 use proprio_host::estimate::{ParameterEstimate, Status};
 use proprio_host::identify::{FitOptions, identify_recording};
 use proprio_host::model::Provenance;
 use proprio_host::report::pages;
+use proprio_host::spectrum::mismatches;
 use proprio_host::{detect, identify as identification};
 
 use crate::error::{self, Error};

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use proprio_tests::command::{done, folder, json, proprio, recorded_logs, refusal, schema_of};
+use proprio_tests::command::{
+    done, folder, json, proprio, recorded_logs, refusal, schema_of, stdout,
+};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -416,6 +418,86 @@ fn real_arms() {
             "{screen}"
         );
     }
+}
+
+/// A spring that the file has from elsewhere: combined with the poses' number where the two agree, and never twice; both are named where they do not.
+#[test]
+fn a_spring_of_another_witness_is_combined_or_contradicted() {
+    let folder = arm();
+    let folder = folder.path();
+    measured(folder, 40, "1", &hidden(&SOFT));
+    let bare = fs::read_to_string(folder.join("arm.toml")).unwrap();
+    let stated = |value: &str, std: &str| {
+        let effect = format!(
+            "{bare}[[effect]]\nname = \"elasticity\"\njoint = \"A2\"\nvalue = {value}\nstd = {std}\n"
+        );
+        fs::write(folder.join("arm.toml"), effect).unwrap();
+    };
+    let of_a2 = |found: &Value| {
+        let all = found["witnesses"].as_array().unwrap();
+        let own = all.iter().find(|w| w["name"] == "elasticity:A2");
+        own.unwrap_or_else(|| panic!("{found}")).clone()
+    };
+    let number = |of: &Value| of.as_f64().unwrap();
+    let alone = {
+        let found = calibrated(folder, &[]);
+        assert_eq!(found["witnesses"].as_array().unwrap().len(), 0);
+        let values = found["parameters"].as_array().unwrap().iter();
+        let mut own = values.filter(|v| v["name"] == "1/k:elasticity:A2");
+        let own = own.next().unwrap().clone();
+        [number(&own["value"]), number(&own["std"])]
+    };
+
+    stated("4.01e-7", "3e-9");
+    let found = calibrated(folder, &["-o", "out.toml"]);
+    let own = of_a2(&found);
+    assert_eq!(own["agree"], true, "{own}");
+    let measured = own["measured"].as_array().unwrap();
+    assert_eq!(
+        (&measured[0]["by"], &measured[1]["by"]),
+        (&"motion".into(), &"poses".into())
+    );
+    // The poses' own number does not know of the other.
+    assert!(
+        (number(&measured[1]["value"]) - alone[0]).abs() < alone[1],
+        "{own}"
+    );
+    assert!(
+        number(&own["std"]) < number(&measured[1]["std"]).min(3e-9),
+        "{own}"
+    );
+    assert!(
+        (number(&own["value"]) - 4e-7).abs() < 2.5 * number(&own["std"]),
+        "{own}"
+    );
+    // The same poses again: their number is replaced, not added.
+    let again = json(&done(
+        folder,
+        &["calibrate", "poses.csv", "-m", "out.toml", "--json"],
+    ));
+    let again = of_a2(&again);
+    assert_eq!(again["measured"].as_array().unwrap().len(), 2);
+    assert_eq!(again["measured"][0], own["measured"][0]);
+    let stds = [0, 1].map(|n: usize| number(&again["measured"][n]["std"]));
+    let both = stds[0].powi(-2) + stds[1].powi(-2);
+    assert!(
+        (number(&again["std"]) * both.sqrt() - 1.0).abs() < 1e-6,
+        "{again}"
+    );
+
+    stated("8e-7", "1e-8");
+    let output = proprio(
+        folder,
+        &["calibrate", "poses.csv", "-m", "arm.toml", "--json"],
+    );
+    let own = of_a2(&json(&stdout(&output)));
+    assert_eq!(own["agree"], false, "{own}");
+    assert!((number(&own["value"]) - alone[0]).abs() < alone[1], "{own}");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        told.contains("elasticity:A2: motion 8.000e-7") && told.contains("contradict each other"),
+        "{told}"
+    );
 }
 
 /// Options of logs are wrong usage with poses.

@@ -139,11 +139,67 @@ fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
         );
         let file = fs::read_to_string(folder.join("fitted.toml")).unwrap();
         assert!(file.contains("\"elasticity\""), "{file}");
+        // A slow log measures the springs too: the responses' numbers stay beside its own, combined or contradicted by name.
+        let words = "identify slow.csv -m fitted.toml -o again.toml";
+        let output = proprio(folder, &words.split(' ').collect::<Vec<_>>());
+        assert!(output.status.success(), "{output:?}");
+        let warned = String::from_utf8_lossy(&output.stderr).into_owned();
+        let shown = json(&done(folder, &["show", "again.toml", "--json"]));
+        for witnessed in shown["witnesses"].as_array().unwrap() {
+            let by = |n: usize| &witnessed["measured"][n]["by"];
+            assert_eq!((by(0), by(1)), (&"motion".into(), &"responses".into()));
+            let name = witnessed["name"].as_str().unwrap();
+            let responses = &witnessed["measured"][1];
+            let true_k = number(&parameter(&truth, &format!("1/k:{name}"))["value"]);
+            let wrong = number(&responses["value"]) / true_k - 1.0;
+            assert!(wrong.abs() < 0.006, "{witnessed}");
+            let std = |of: &Value| number(&of["std"]);
+            let combined = std(witnessed) < std(responses);
+            let named = warned.contains(&format!("{name}: motion"))
+                && warned.contains("contradict each other");
+            assert_eq!(witnessed["agree"], combined, "{witnessed}");
+            assert!(combined || named, "{witnessed}: {warned}");
+        }
+        assert_eq!(shown["witnesses"].as_array().unwrap().len(), 3, "{shown}");
     }
     println!("{within} of {all} values within 2 standard deviations");
     assert!(
         within * 10 >= all * 7,
         "{within} of {all} values within 2 standard deviations"
+    );
+}
+
+/// A log of multisines beyond the antiresonances is of no other robot: `diagnose` and `compare` name `frf`. Of stiff joints they do not.
+#[test]
+fn an_elastic_robot_is_sent_to_frf() {
+    let folder = folder();
+    let folder = folder.path();
+    frf_arm(folder);
+    let short = ["simulate", "--frf", "-m", "arm.toml", "--points", "3", "-o"];
+    done(folder, &[&short[..], &["soft.csv"], &ARM].concat());
+    done(
+        folder,
+        &[&short[..], &["stiff.csv", "--hide", "viscous=0.6"]].concat(),
+    );
+    let message = refusal(folder, &["diagnose", "soft.csv", "-m", "arm.toml"]);
+    for part in [
+        "an elastic robot",
+        "elbow",
+        "hint: proprio frf soft.csv -m MODEL",
+    ] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    let screen = done(folder, &["compare", "soft.csv", "-m", "arm.toml"]);
+    assert!(
+        screen.contains("an elastic robot")
+            && screen.contains("Next: proprio frf soft.csv -m arm.toml"),
+        "{screen}"
+    );
+    let output = proprio(folder, &["compare", "stiff.csv", "-m", "arm.toml"]);
+    let told = stdout(&output) + &String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success() && !told.contains("an elastic robot"),
+        "{told}"
     );
 }
 

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// Values that a simulated leg is given, one for each effect of the catalogue but `contact`, which is not predicted: `compare` leaves out the
 /// time in which it finds a foot on the ground.
-const HIDDEN: [(&str, &str); 30] = [
+const HIDDEN: [(&str, &str); 31] = [
     ("viscous", "0.3"),
     ("coulomb", "0.6"),
     ("armature", "0.01"),

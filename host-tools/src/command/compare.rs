@@ -6,11 +6,12 @@ use crate::compare::{
     Comparison, Gains, ModelsComparison, Under, ValuesFrom, compare, compare_free_base_without,
     compare_without, rollout, save,
 };
-use crate::detect::mismatch::mismatches;
+use crate::detect::mismatch::MismatchKind;
 use crate::kinematics::{Poses, compare_poses, is_pose_file};
 use crate::model::{AskedError, Model, ModelEffect, asked_texts};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
+use crate::spectrum::mismatches;
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 
@@ -155,6 +156,10 @@ impl Compare {
             comparison.every_window = super::every_window(&recording, [&given, &model], on_feet)?;
         }
         let wrong = mismatches(&recording, &model);
+        let elastic = wrong
+            .iter()
+            .find(|wrong| matches!(wrong.kind, MismatchKind::Elastic(_)));
+        comparison.elastic = elastic.map(ToString::to_string);
         comparison
             .warnings
             .extend(wrong.iter().map(ToString::to_string));

@@ -49,7 +49,10 @@ pub(super) fn of(error: &Error) -> Option<String> {
         ),
         Error::FreeBase(FreeBaseError::Facts(unknown)) => unknown.nearest().map(|name| format!("did you mean `{name}`?")),
         Error::FreeBase(_) => None,
-        Error::Mismatch { wrong, is_go2, has_imu, .. } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
+        Error::Mismatch { logs, wrong, is_go2, has_imu } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
+            (Some(MismatchKind::Elastic(_)), _) => format!(
+                "proprio frf {logs} -m MODEL finds its springs, with friction and masses of a slow log in the model file; or go on with --anyway"
+            ),
             (Some(MismatchKind::NoBetterThanNothing(_)), _) if !is_go2 => {
                 "check that the URDF is this robot's, and that `[base]` in the model file says how it is mounted; or go on with --anyway".to_owned()
             }

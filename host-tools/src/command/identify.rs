@@ -168,7 +168,7 @@ impl Identify {
             }
         }
         // An unphysical fit is no model; a JSON file alone takes it.
-        let filled = match (self.model_file(), &self.html) {
+        let mut filled = match (self.model_file(), &self.html) {
             (None, None) => None,
             _ => {
                 let mut filled = fitted.to_model(model, self.provenance()?)?;
@@ -179,11 +179,12 @@ impl Identify {
         if let Some(path) = self.json_file() {
             output::write(path, &judged("identify", fitted.error(), fitted))?;
         }
-        if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
+        if let (Some(path), Some(filled)) = (self.model_file(), &mut filled) {
             filled.save(path)?;
             if options.method == Method::Momentum {
                 check_reproduced(recording, &filled.read_back(path)?, fitted)?;
             }
+            super::save_with_other_witnesses(filled, path)?;
         }
         if let (Some(path), Some(filled)) = (&self.html, &filled) {
             let comparison = compare(recording, filled, ValuesFrom::Given)?;

@@ -440,6 +440,18 @@ fn told(wrong: &[Mismatch]) -> String {
     told.join("; ")
 }
 
+/// Saves a model whose values a fit of motion has just given once more where other witnesses have measured some of them: combined, or warned of. The
+/// file without that has been saved and read back as the fit's.
+fn save_with_other_witnesses(model: &mut Model, path: &Path) -> Result<(), Error> {
+    if model.take_as_measured_by_motion() {
+        model.save(path)?;
+        for contradiction in model.contradictions() {
+            eprintln!("warning: {contradiction}");
+        }
+    }
+    Ok(())
+}
+
 /// A log that was there and is no more.
 fn unreadable((log, cause): Unreadable) -> Error {
     Error::Unreadable(log, cause)

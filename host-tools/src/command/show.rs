@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::model::{BASE, Model, Source};
+use crate::model::{BASE, Model, Source, Witnessed};
 use crate::summary::{Summary, joints_in_words, typed};
 use crate::table::Table;
 use clap::Args;
@@ -43,6 +43,8 @@ struct Report {
     source: String,
     limbs: Vec<Limb>,
     effects: Vec<Effect>,
+    /// What several witnesses measured.
+    witnesses: Vec<Witnessed>,
     bodies: Vec<Body>,
     /// Joints that are held, and where, rad or m.
     held: Vec<Held>,
@@ -132,6 +134,7 @@ impl Report {
             },
             limbs: limbs.collect(),
             effects: effects.collect(),
+            witnesses: model.witnessed(),
             bodies: bodies.collect(),
             held: robot
                 .held()
@@ -180,7 +183,8 @@ impl Report {
         let points = (!notes.is_empty())
             .then(|| notes.join("; "))
             .into_iter()
-            .chain(from);
+            .chain(from)
+            .chain(self.witnesses.iter().map(ToString::to_string));
         let found = self.logs.iter().all(|log| Path::new(log).exists());
         let logs: Vec<PathBuf> = self.logs.iter().map(PathBuf::from).collect();
         let next = (found && !logs.is_empty())
@@ -311,6 +315,9 @@ impl std::fmt::Display for Report {
             self.effect_lines()
                 .iter()
                 .try_for_each(|line| writeln!(f, "{line}"))?;
+        }
+        for witnessed in &self.witnesses {
+            writeln!(f, "  {witnessed}")?;
         }
         if !self.bodies.is_empty() {
             writeln!(f, "\nBodies of its own (mass, kg; the CAD's):")?;

@@ -185,6 +185,7 @@ pub fn compare_free_base_without(
             regimes: Vec::new(),
             episodes: ranking::episodes(&criticism, moment),
             black_box: None,
+            elastic: None,
             criticism,
             every_window: None,
             logs: logs.to_vec(),

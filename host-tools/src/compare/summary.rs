@@ -12,7 +12,8 @@ const LEAST_PERCENT: f64 = 1.0;
 impl Comparison {
     /// The first screen: how large the error is, where it lives, and what to ask next.
     pub fn summary(&self, model: Option<&Path>) -> Summary {
-        let mut points: Vec<String> = self.contact_sentences().into_iter().take(1).collect();
+        let mut points: Vec<String> = self.elastic.iter().cloned().collect();
+        points.extend(self.contact_sentences().into_iter().take(1));
         let patterns = self
             .patterns
             .iter()
@@ -38,6 +39,7 @@ impl Comparison {
             .above_noise_percent
             .is_none_or(|share| share > WORTH_A_DIAGNOSIS);
         let next = match (lacks, model) {
+            _ if self.elastic.is_some() => format!("proprio frf {with}"),
             (true, _) => format!("proprio diagnose {with}"),
             (false, _) => format!("proprio identify {with}"),
         };

@@ -6,7 +6,7 @@ use proprio_core::inertia::InertialParameters;
 
 use crate::catalogue;
 use crate::estimate::{ParameterEstimate, find};
-use crate::model::{Impossible, Model};
+use crate::model::{Impossible, Model, Witness};
 use crate::parameter::{INERTIAL_NAMES, name_at};
 
 /// A value that was identified but that no model may hold.
@@ -56,7 +56,13 @@ pub(crate) fn set_joint(
     }
     for effect in catalogue::effects() {
         if let Some(parameter) = found(effect.name()) {
-            model.set_effect(effect, joint, parameter.value, Some(parameter.std))?;
+            model.set_measured(
+                effect,
+                joint,
+                Witness::Motion,
+                parameter.value,
+                parameter.std,
+            )?;
         }
     }
     Ok(())

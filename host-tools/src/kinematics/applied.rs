@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::chain::{Chain, State, inverse};
 use super::columns::{Column, Unknown};
 use super::error::CalibrateError;
-use super::fit::Fit;
 use super::poses::{Carrier, Poses};
+use super::witnesses::Witnessed;
 use crate::model::{Fixture, JointQuantity as Q, Model, Tool};
 
 /// Frame corrections along the frame's own axes: value, standard deviation and prior's.
@@ -48,7 +48,7 @@ pub(super) fn applied(
     chain: &Chain,
     poses: &Poses,
     model: &Model,
-    fit: &Fit,
+    Witnessed { fit, own }: &Witnessed,
     carriers: &[Carrier],
 ) -> Result<Model, CalibrateError> {
     let all = fit.values(chain);
@@ -56,16 +56,16 @@ pub(super) fn applied(
     model.clear_kinematics();
     for joint in 0..chain.joints() {
         for quantity in Q::ALL {
-            let own = all
-                .iter()
-                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
-            let own = own.map(|(_, value, std)| (*value, *std));
-            let known = own.or_else(|| {
+            // Of springs and gaps what these poses alone measured: the model combines it with the others' numbers.
+            let alone = own.iter().chain(&all);
+            let mut alone = alone.filter(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
+            let alone = alone.next().map(|(_, value, std)| (*value, *std));
+            let known = alone.or_else(|| {
                 let (value, std, _) = along_frame(chain, &all, joint, quantity, &fit.state)?;
                 Some((value, std))
             });
             if let Some((value, std)) = known {
-                model.set_joint_quantity(joint, quantity, value, Some(std))?;
+                model.set_joint_quantity(joint, quantity, value, std)?;
             }
         }
     }

@@ -29,8 +29,21 @@ pub(super) enum Unknown {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Column {
     pub(super) unknown: Unknown,
-    /// Standard deviation about zero, SI; of mount and targets about where they stand.
+    /// Standard deviation about the mean, SI; of mount and targets about where they stand.
     pub(super) prior: f64,
+    /// What it is taken to be before the data.
+    pub(super) mean: f64,
+}
+
+impl Column {
+    /// An unknown that is taken to be zero, or where it stands, within `prior`.
+    pub(super) fn about_zero(unknown: Unknown, prior: f64) -> Self {
+        Self {
+            unknown,
+            prior,
+            mean: 0.0,
+        }
+    }
 }
 
 /// Noise of places (m) and of orientations (rad), one standard deviation.

@@ -17,7 +17,7 @@ use super::error::CalibrateError;
 use super::facts::EFFECTS;
 use super::identifiable::{blank_pose, random_poses};
 use super::poses::Pose;
-use super::result::owner;
+use super::reported::owner;
 use super::search::frame_columns;
 use super::start::FREE;
 use crate::model::{JointQuantity as Q, Model};
@@ -169,10 +169,7 @@ fn assumed(model: &Model) -> Result<State, CalibrateError> {
 
 /// All that a calibration may find: mount, target, frames, elasticity.
 fn unknowns(chain: &Chain, state: &State, path: &[usize]) -> Vec<Column> {
-    let free = |unknown| Column {
-        unknown,
-        prior: FREE,
-    };
+    let free = |unknown| Column::about_zero(unknown, FREE);
     let mut columns: Vec<Column> = (0..6).map(|k| free(Unknown::Mount(k))).collect();
     columns.extend((0..3).map(|k| free(Unknown::Target(0, k))));
     let joints: Vec<usize> = (path.iter().copied())
@@ -183,9 +180,9 @@ fn unknowns(chain: &Chain, state: &State, path: &[usize]) -> Vec<Column> {
     let stretched = blank_pose(chain.joints(), &[false]);
     let load = chain.frames(state, &stretched).load;
     let elastic = path.iter().filter(|&&joint| load[joint].norm() > 1e-3);
-    columns.extend(elastic.map(|&joint| Column {
-        unknown: Unknown::Joint(joint, Q::Elasticity),
-        prior: EFFECTS[0].size / load[joint].norm(),
+    columns.extend(elastic.map(|&joint| {
+        let prior = EFFECTS[0].size / load[joint].norm();
+        Column::about_zero(Unknown::Joint(joint, Q::Elasticity), prior)
     }));
     columns
 }

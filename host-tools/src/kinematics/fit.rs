@@ -57,7 +57,7 @@ impl Problem<'_> {
             let rows = columns::rows(self.chain, &state, &used, &columns, noise);
             let prior = columns
                 .iter()
-                .map(|c| -state.value(self.chain, c.unknown) / c.prior);
+                .map(|c| (c.mean - state.value(self.chain, c.unknown)) / c.prior);
             let solved = held_out::solve(&rows, &DVector::from_iterator(columns.len(), prior));
             let shown = shown_noise(&rows, &solved, noise);
             let same = |a: f64, b: f64| (a / b - 1.0).abs() < NOISE_SETTLED;

@@ -19,10 +19,12 @@
 //! - `moved`: whether a target moved between two poses
 //! - `outliers`: poses that do not fit the others
 //! - `poses`: files of poses
-//! - `result`: what `calibrate` and `compare` report
+//! - `reported`: what a search has found, as data
+//! - `result`: `calibrate`, from poses to its report
 //! - `search`: the ladder, rung by rung
 //! - `start`: where the measuring system and the targets are, from nothing
 //! - `text`: the first screen
+//! - `witnesses`: springs and gaps that other witnesses have measured too
 
 mod applied;
 mod chain;
@@ -38,10 +40,12 @@ mod identifiable;
 mod moved;
 mod outliers;
 mod poses;
+mod reported;
 mod result;
 mod search;
 mod start;
 mod text;
+mod witnesses;
 
 pub use compare::{ComparedPose, ComparedTarget, PoseComparison, compare_poses};
 pub use design::{Expected, PoseDesign, design_poses};

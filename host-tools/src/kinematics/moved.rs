@@ -33,10 +33,7 @@ pub(super) fn check(problem: &Problem, fit: &Fit) -> Result<(), CalibrateError> 
     let mut best: Option<(f64, usize, usize, DMatrix<f64>)> = None;
     for (n, (_, unknowns)) in things.iter().enumerate() {
         let columns: Vec<Column> = (unknowns.iter())
-            .map(|&unknown| Column {
-                unknown,
-                prior: SIZE,
-            })
+            .map(|&unknown| Column::about_zero(unknown, SIZE))
             .collect();
         let whole = fit.more(problem, &columns);
         let last = fit.rows.poses.len().saturating_sub(LEAST_POSES);

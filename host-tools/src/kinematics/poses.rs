@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use proprio_core::spatial::Transform;
 
 use super::error::CalibrateError;
-use crate::log::{Need, Place, column_names, read_numbers};
+use crate::log::{Need, Place, file_columns, read_numbers};
 use crate::model::{Model, Robot, UnknownName};
 
 /// How far a quaternion's length may be from 1.
@@ -83,15 +83,8 @@ struct PoseColumns {
 
 /// Whether a file is one of poses rather than a log: it places a target and has no velocity. Streams are logs: what was read of them is gone.
 pub fn is_pose_file(path: &Path) -> bool {
-    const BAGS: [&str; 2] = ["mcap", "db3"];
-    let is_bag = path
-        .extension()
-        .is_some_and(|e| BAGS.iter().any(|bag| e == *bag));
-    if is_bag || !path.is_file() {
-        return false;
-    }
-    // What cannot be read is told as of a log.
-    let names = column_names(path).unwrap_or_default();
+    // What cannot be read is reported as of a log.
+    let names = file_columns(path);
     let places = |name: &String| target_part(name).is_some_and(|(part, _)| part == Part::Place(0));
     names.iter().any(places) && !names.iter().any(|name| name.starts_with("dq/"))
 }

@@ -1,30 +1,26 @@
-//! What `calibrate` finds, as data: errors by pose and joint, candidates, values; and what it makes of the model.
+//! `calibrate`: from poses to what is reported of them, and what that makes of the model.
 
-use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::applied::{along_frame, applied};
-use super::chain::{Chain, State, Target, inverse};
-use super::columns::{Unknown, numbers, rows};
+use super::applied::applied;
+use super::chain::{Chain, State, Target};
+use super::columns::{numbers, rows};
 use super::error::CalibrateError;
-use super::fit::{Fit, Problem};
+use super::fit::Problem;
 use super::held_out::place_rms;
 use super::identifiable;
 use super::poses::{Carrier, Poses};
-use super::search::{self, Found};
+use super::reported::{name, report};
+use super::search;
+use super::witnesses::{self, Witnessed};
 use super::{gates, moved, start};
-use crate::model::{JointQuantity as Q, Model, Provenance};
+use crate::model::{Model, Provenance};
 use crate::summary::ErrorRange;
 
 /// Fewest poses that anything is found from.
 const LEAST_POSES: usize = 5;
 /// With fewer numbers than so many for each combination, nothing that is found does not mean that nothing is missing.
 const FEW: usize = 2;
-/// A value within so many standard deviations of nothing is not identified.
-const PRESENT: f64 = 2.0;
-
-/// Two values of one spring contradict each other beyond this chi² of one degree of freedom: one in a thousand does by chance.
-const CONTRADICTS: f64 = 10.8;
 
 /// A rung of the ladder.
 #[derive(Debug, Clone, Serialize)]
@@ -148,6 +144,8 @@ pub struct Calibration {
     pub by_joint: Vec<JointShare>,
     /// Poses left out.
     pub outliers: Vec<Outlier>,
+    /// Springs and gaps that others than these poses have measured too.
+    pub witnesses: Vec<crate::model::Witnessed>,
     /// What a user should know.
     pub warnings: Vec<String>,
     /// The model with the values.
@@ -181,7 +179,7 @@ pub fn calibrate(
     };
     let needed = enough(&problem, model, &started, only_offsets)?;
     let given = given(&problem, model)?;
-    let found = search::search(&chain, poses, &started, only_offsets)?;
+    let mut found = search::search(&chain, poses, &started, only_offsets)?;
     let problem = Problem {
         used: found.used.clone(),
         ..problem
@@ -193,28 +191,23 @@ pub fn calibrate(
             found.fit.rows.b.len()
         ));
     }
-    let mut calibration = report(&problem, model, &found, given, warnings);
-    calibration.model = applied(&chain, poses, model, &found.fit, &links)?;
-    let disagreements = disagreements(model, &calibration.model);
-    calibration.warnings.extend(disagreements);
-    Ok(calibration)
-}
-
-/// Springs of the model file, from motion logs or earlier poses, that these poses contradict: both values.
-fn disagreements(was: &Model, is: &Model) -> Vec<String> {
-    let joint = |joint: usize| {
-        let [old, new] = [was, is].map(|model| model.joint_quantity(joint, Q::Elasticity));
-        let (old, new) = (old?, new?);
-        let (old_std, new_std) = (old.std?, new.std?);
-        let chi2 = (old.value - new.value).powi(2) / (old_std.powi(2) + new_std.powi(2));
-        (chi2 > CONTRADICTS).then(|| {
-            format!(
-                "elasticity of {}: 1/k is {:.3e} ± {:.1e} in the model file, {:.3e} ± {:.1e} by these poses (chi² {chi2:.1})",
-                was.joint_name(joint), old.value, old_std, new.value, new_std
-            )
-        })
+    let mut witnessed = Witnessed {
+        fit: found.fit.clone(),
+        own: Vec::new(),
     };
-    (0..was.robot().bodies().len()).filter_map(joint).collect()
+    if !only_offsets {
+        witnessed = witnesses::witnessed(&problem, model, &found.fit);
+        found.fit = witnessed.fit.clone();
+        if let Some(last) = found.path.last_mut() {
+            last.error = found.fit.error_mm();
+        }
+    }
+    let mut calibration = report(&problem, model, &found, given, warnings);
+    calibration.model = applied(&chain, poses, model, &witnessed, &links)?;
+    calibration.witnesses = calibration.model.witnessed();
+    let contradictions = calibration.model.contradictions();
+    calibration.warnings.extend(contradictions);
+    Ok(calibration)
 }
 
 /// The state before anything is known, and what carries each target.
@@ -307,219 +300,6 @@ fn enough(
         _ => format!("; open stay {}", names.join(", ")),
     };
     Err(too_few(problem.poses, needed, open))
-}
-
-/// What an unknown is called.
-pub(super) fn name(problem: &Problem, model: &Model, unknown: Unknown) -> String {
-    const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
-    let joint = |joint: usize| model.joint_name(joint);
-    match unknown {
-        Unknown::Mount(k) => format!("{}:mount", AXES[k]),
-        Unknown::Target(t, k) => format!("{}:tool:{}", AXES[k], problem.poses.targets[t]),
-        Unknown::Turn(j, 0) => format!("joint_offset:{}", joint(j)),
-        Unknown::Shift(j, n) => format!("shift_{n}:link_geometry:{}", joint(j)),
-        Unknown::Turn(j, n) => format!("turn_{n}:link_geometry:{}", joint(j)),
-        Unknown::Joint(j, quantity) => {
-            format!("{}:{}:{}", quantity.key(), owner(quantity), joint(j))
-        }
-    }
-}
-
-/// The fact that a quantity belongs to.
-pub(super) fn owner(quantity: Q) -> &'static str {
-    let found = super::facts::EFFECTS
-        .iter()
-        .find(|fact| fact.quantities.contains(&quantity));
-    found.map_or(super::facts::LINK_GEOMETRY.name, |fact| fact.name)
-}
-
-fn report(
-    problem: &Problem,
-    model: &Model,
-    found: &Found,
-    given: Option<f64>,
-    warnings: Vec<String>,
-) -> Calibration {
-    let names = |joints: &[usize]| -> Vec<String> {
-        joints
-            .iter()
-            .map(|&joint| model.joint_name(joint).to_owned())
-            .collect()
-    };
-    let fit = &found.fit;
-    let mut path: Vec<Step> = given
-        .iter()
-        .map(|error| Step {
-            step: "as_given",
-            effect: None,
-            joints: Vec::new(),
-            error: 1e3 * error,
-        })
-        .collect();
-    path.extend(found.path.iter().map(|rung| Step {
-        step: if rung.step == "mount" { "mount" } else { "add" },
-        effect: (rung.step != "mount").then_some(rung.step),
-        joints: names(&rung.joints),
-        error: rung.error,
-    }));
-    let mut judged: Vec<&search::Judged> = found.judged.iter().collect();
-    judged.sort_by(|a, b| {
-        (b.taken, b.z)
-            .partial_cmp(&(a.taken, a.z))
-            .unwrap_or(std::cmp::Ordering::Equal)
-    });
-    let error_before = |judged: &search::Judged| {
-        let at = found.path.iter().position(|rung| {
-            judged.taken && rung.step == judged.fact.name && rung.joints == judged.joints
-        });
-        match at {
-            Some(at) if at > 0 => found.path[at - 1].error,
-            _ => found.path.last().map_or(f64::NAN, |rung| rung.error),
-        }
-    };
-    let candidates = judged.into_iter().map(|judged| Candidate {
-        effect: judged.fact.name,
-        joints: names(&judged.joints),
-        held_out_gain: error_before(judged) - judged.error,
-        z: judged.z,
-        taken: judged.taken,
-        alternatives: (judged.alternatives.iter())
-            .map(|(effect, joints)| Alternative {
-                effect,
-                joints: names(joints),
-            })
-            .collect(),
-    });
-    let first = problem.fit_fixtures(&fit.state_without_joints(model));
-    Calibration {
-        verdict: if found.path.len() > 1 {
-            "missing"
-        } else {
-            "complete"
-        },
-        poses: found.used.len(),
-        numbers: fit.rows.b.len(),
-        unknowns: fit.columns.len(),
-        identifiable: identifiable::rank(problem, model.robot(), &fit.state, &fit.columns),
-        turn_error: fit.turn_mrad(),
-        noise: 1e3 * fit.noise.place,
-        path,
-        candidates: candidates.collect(),
-        parameters: values(problem, model, fit),
-        by_pose: by_pose(problem, &first, fit),
-        by_joint: by_joint(problem, model, fit),
-        outliers: (found.outliers.iter())
-            .map(|(pose, error)| Outlier {
-                pose: problem.poses.called(*pose),
-                error: *error,
-            })
-            .collect(),
-        warnings,
-        model: model.clone(),
-    }
-}
-
-impl Fit {
-    /// Where the fit stands, with nothing of the joints corrected.
-    fn state_without_joints(&self, model: &Model) -> State {
-        State {
-            mount: self.state.mount,
-            ..State::nominal(model, self.state.targets.clone())
-        }
-    }
-}
-
-fn values(problem: &Problem, model: &Model, fit: &Fit) -> Vec<Value> {
-    let chain = problem.chain;
-    let all = fit.values(chain);
-    let status = |value: f64, std: f64, prior: f64| {
-        if std > identifiable::OPEN * prior {
-            "unexcited"
-        } else if std > 0.5 * prior || value.abs() < PRESENT * std {
-            "prior"
-        } else {
-            "identified"
-        }
-    };
-    let mut values = Vec::new();
-    for joint in 0..chain.joints() {
-        for quantity in Q::ALL {
-            let own = all
-                .iter()
-                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
-            let own = own.map(|(column, value, std)| (*value, *std, column.prior));
-            let known = own.or_else(|| along_frame(chain, &all, joint, quantity, &fit.state));
-            let Some((value, std, prior_std)) = known else {
-                continue;
-            };
-            values.push(Value {
-                name: format!(
-                    "{}:{}:{}",
-                    quantity.key(),
-                    owner(quantity),
-                    model.joint_name(joint)
-                ),
-                unit: quantity.unit(chain.slides(joint)),
-                value,
-                std,
-                prior_std,
-                status: status(value, std, prior_std),
-            });
-        }
-    }
-    values
-}
-
-/// Errors by pose in the base's frame.
-pub(super) fn by_pose(problem: &Problem, before: &Fit, after: &Fit) -> Vec<PoseError> {
-    let mut errors = Vec::new();
-    let vector = |fit: &Fit, row: usize| {
-        let error = Vector3::from_fn(|k, _| 1e3 * fit.held_out[row + k] * fit.rows.unit[row + k]);
-        fit.state.mount.rotation.tr_mul(&error)
-    };
-    for ((pose, range), (_, other)) in after.rows.poses.iter().zip(&before.rows.poses) {
-        let mut row = range.start;
-        while row < range.end {
-            let target = after.rows.target[row];
-            let measured = problem.poses.poses[*pose].measured[target].as_ref();
-            let oriented = measured.is_some_and(|m| m.orientation.is_some());
-            let [was, is] = [
-                vector(before, other.start + row - range.start),
-                vector(after, row),
-            ];
-            let place = measured.map_or_else(Vector3::zeros, |m| m.place);
-            errors.push(PoseError {
-                pose: problem.poses.called(*pose),
-                target: problem.poses.targets[target].clone(),
-                before: was.norm(),
-                after: is.norm(),
-                place: super::chain::point(&inverse(&after.state.mount), &place).into(),
-                before_vector: was.into(),
-                after_vector: is.into(),
-            });
-            row += if oriented { 6 } else { 3 };
-        }
-    }
-    errors
-}
-
-/// By how much each joint's corrections move the targets, beside the mount and the targets where they are.
-fn by_joint(problem: &Problem, model: &Model, fit: &Fit) -> Vec<JointShare> {
-    let used = problem.used();
-    let places = |state: &State| rows(problem.chain, state, &used, &[], start::UNKNOWN_NOISE);
-    let whole = places(&fit.state);
-    (0..problem.chain.joints())
-        .filter(|&joint| fit.state.joints[joint].iter().any(|x| *x != 0.0))
-        .map(|joint| {
-            let mut without = fit.state.clone();
-            without.joints[joint].fill(0.0);
-            let difference = places(&without).b - &whole.b;
-            JointShare {
-                joint: model.joint_name(joint).to_owned(),
-                moves: 1e3 * place_rms(&whole, &difference),
-            }
-        })
-        .collect()
 }
 
 impl Calibration {

@@ -248,17 +248,18 @@ pub(super) fn frame_columns(
     scale: f64,
 ) -> Vec<Column> {
     let size = LINK_GEOMETRY.size * scale;
-    let zero = |joint: usize| Column {
-        unknown: if chain.slides(joint) {
+    let zero = |joint: usize| {
+        let unknown = if chain.slides(joint) {
             Unknown::Shift(joint, 0)
         } else {
             Unknown::Turn(joint, 0)
-        },
-        prior: if whole {
+        };
+        let prior = if whole {
             size.max(OFFSETS.size * scale.min(1.0))
         } else {
             OFFSETS.size * scale
-        },
+        };
+        Column::about_zero(unknown, prior)
     };
     let mut columns: Vec<Column> = joints.iter().map(|&joint| zero(joint)).collect();
     if whole {
@@ -266,10 +267,7 @@ pub(super) fn frame_columns(
             for n in 0..3 {
                 for unknown in [Unknown::Shift(joint, n), Unknown::Turn(joint, n)] {
                     if columns.iter().all(|column| column.unknown != unknown) {
-                        columns.push(Column {
-                            unknown,
-                            prior: size,
-                        });
+                        columns.push(Column::about_zero(unknown, size));
                     }
                 }
             }
@@ -323,14 +321,16 @@ fn prior(problem: &Problem, state: &State, fact: &Fact, joint: usize) -> Option<
 }
 
 /// The columns of an effect at joints.
-fn effect_columns(problem: &Problem, state: &State, fact: &Fact, joints: &[usize]) -> Vec<Column> {
+pub(super) fn effect_columns(
+    problem: &Problem,
+    state: &State,
+    fact: &Fact,
+    joints: &[usize],
+) -> Vec<Column> {
     let of_joint = |&joint: &usize| {
         let prior = prior(problem, state, fact, joint)?;
-        let columns = fact.quantities.iter().map(move |&quantity| Column {
-            unknown: Unknown::Joint(joint, quantity),
-            prior,
-        });
-        Some(columns)
+        let of = move |&quantity: &Q| Column::about_zero(Unknown::Joint(joint, quantity), prior);
+        Some(fact.quantities.iter().map(of))
     };
     joints.iter().filter_map(of_joint).flatten().collect()
 }

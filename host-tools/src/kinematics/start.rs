@@ -65,10 +65,7 @@ pub(super) fn fit(chain: &Chain, state: &State, poses: &[(usize, &Pose)]) -> (St
 
 /// The unknowns of mount and targets.
 pub(super) fn columns(state: &State, poses: &[(usize, &Pose)]) -> Vec<Column> {
-    let free = |unknown| Column {
-        unknown,
-        prior: FREE,
-    };
+    let free = |unknown| Column::about_zero(unknown, FREE);
     let mut columns: Vec<Column> = (0..6).map(|k| free(Unknown::Mount(k))).collect();
     for t in 0..state.targets.len() {
         let turned = poses.iter().any(|(_, pose)| {

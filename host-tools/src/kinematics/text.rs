@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::poses::Poses;
 use super::result::{Calibration, Step};
-use crate::summary::{Summary, typed};
+use crate::summary::{Summary, ValueLine, short, typed, value_lines};
 
 /// Digits of an error in mm.
 pub(super) fn mm(x: f64) -> String {
@@ -193,19 +193,14 @@ impl Calibration {
 
     /// Every value, candidate and pose.
     pub fn details(&self) -> String {
-        let mut out = String::from(
-            "\nvalue                                    estimate            std  status\n",
-        );
-        for value in &self.parameters {
-            out += &format!(
-                "{:<34} {:>14} {:>14}  {} ({})\n",
-                value.name,
-                short(value.value),
-                short(value.std),
-                value.status,
-                value.unit
-            );
-        }
+        let values = self.parameters.iter().map(|value| ValueLine {
+            name: &value.name,
+            value: value.value,
+            std: value.std,
+            status: value.status,
+            unit: value.unit,
+        });
+        let mut out = value_lines(values, &self.witnesses);
         out += "\ncandidate                                        gain mm        z\n";
         for candidate in &self.candidates {
             let joints = if candidate.joints.len() > 3 {
@@ -240,16 +235,4 @@ impl Calibration {
 /// The unit of a stiffness by that of its inverse.
 fn inverse_unit(unit: &str) -> &'static str {
     if unit == "m/N" { "N/m" } else { "N m/rad" }
-}
-
-/// Three digits.
-fn short(x: f64) -> String {
-    match x.abs() {
-        0.0 => "0".to_owned(),
-        size if (1e-2..1e4).contains(&size) => {
-            let digits = (2 - size.log10().floor() as i32).max(0) as usize;
-            format!("{x:.digits$}")
-        }
-        _ => format!("{x:.2e}"),
-    }
 }

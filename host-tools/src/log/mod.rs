@@ -86,7 +86,7 @@ pub use samples::Samples;
 pub use source::files;
 pub use source::memory::MemoryLog;
 pub(crate) use source::open_bytes;
-pub use table::{Need, NumberTable, column_names, read_numbers};
+pub use table::{Need, NumberTable, file_columns, read_numbers};
 pub use warning::{Cause, Warning};
 pub use writer::{CanonicalWriter, LogWriter, WalkWriter};
 

@@ -39,12 +39,16 @@ impl NumberTable {
     }
 }
 
-/// What a file of any known format calls its columns.
-///
-/// # Errors
-/// If it cannot be opened or is no table.
-pub fn column_names(path: &Path) -> Result<Vec<String>, LogError> {
-    Ok(source::open(path)?.names().to_vec())
+/// The columns of a file on disk; none of what cannot be read, and none of bags and streams: what was read of these is gone.
+pub fn file_columns(path: &Path) -> Vec<String> {
+    const BAGS: [&str; 2] = ["mcap", "db3"];
+    let extension = path.extension();
+    let is_bag = extension.is_some_and(|e| BAGS.iter().any(|bag| e == *bag));
+    if is_bag || !path.is_file() {
+        return Vec::new();
+    }
+    let source = source::open(path);
+    source.map_or_else(|_| Vec::new(), |source| source.names().to_vec())
 }
 
 /// Reads the columns that `choose` picks of the file's names, by their indices.

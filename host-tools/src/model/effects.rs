@@ -20,6 +20,8 @@ pub struct ModelEffect {
     pub estimates: [Option<Estimate>; MAX_PARAMETERS],
     /// What its first parameter is taken to be before any data, if not what the catalogue says.
     pub prior: Option<Prior>,
+    /// What each of [`Witness::ALL`](super::Witness::ALL) measured of the first parameter, where it was not motion alone.
+    pub(super) witnesses: [Option<Estimate>; 3],
     /// Whether it is what was added last: `compare` shows the error before and after it.
     pub just_added: bool,
 }
@@ -80,6 +82,7 @@ impl Model {
             joint,
             estimates: [None; MAX_PARAMETERS],
             prior: None,
+            witnesses: [None; 3],
             just_added: false,
         });
         self.effects

@@ -17,15 +17,16 @@ use nalgebra::SVector;
 use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::InertialParameters;
 use tables::{
-    BaseTable, EffectTable, File, FootTable, ImuTable, LogSpeech, Mount, PriorEntry, PriorTable,
-    RobotTable, Ten,
+    BaseTable, EffectTable, File, FootTable, ImuTable, LogSpeech, Mount, ParameterEntry,
+    PriorEntry, PriorTable, RobotTable, Ten,
 };
 use toml::Spanned;
 pub(super) use write::text;
 
 use super::{
-    BASE, Foot, Impossible, ImuMount, LogConventions, LogRecord, Model, ModelError, ModelProblem,
-    Motor, Mounting, Provenance, Robot, UnknownName,
+    BASE, Estimate, Foot, Impossible, ImuMount, LogConventions, LogRecord, Model, ModelError,
+    ModelProblem, Motor, Mounting, Provenance, Robot, UnknownName, Witness,
+    possible::{deviation, in_bounds},
 };
 
 /// The newest format that this version reads, and the one it writes.
@@ -35,13 +36,14 @@ const FORMAT: i64 = 1;
 const QUATERNION_ROUNDING: f64 = 1e-6;
 
 /// The keys of an effect; a formula has one more for each of its parameters.
-const EFFECT_KEYS: [&str; 9] = [
+const EFFECT_KEYS: [&str; 10] = [
     "name",
     "joint",
     "value",
     "std",
     "parameters",
     "prior",
+    "measured_by",
     "just_added",
     "torque",
     "kind",
@@ -433,6 +435,28 @@ fn read_more_parameters(
     Ok(())
 }
 
+/// What each witness measured of the first parameter.
+fn read_witnesses(
+    model: &mut Model,
+    (effect, joint): (EffectKind, usize),
+    table: &EffectTable,
+    at: usize,
+) -> Result<(), Fault> {
+    for (name, &ParameterEntry { value, std }) in &table.measured_by {
+        let all = Witness::ALL.iter();
+        let Some(slot) = all.clone().position(|witness| witness.key() == name) else {
+            let unknown = UnknownName::new("witness", name, all.map(|witness| witness.key()));
+            return Err((Some(at), ModelProblem::UnknownName(unknown)));
+        };
+        let what = || format!("{name} of {}:{}", effect.name(), table.joint);
+        in_bounds(effect, 0, value).map_err(impossible(at, what()))?;
+        let std = std.map(deviation).transpose();
+        let std = std.map_err(impossible(at, what()))?;
+        model.entry(effect, joint).witnesses[slot] = Some(Estimate { value, std });
+    }
+    Ok(())
+}
+
 fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>, text: &str) -> Result<(), Fault> {
     let (at, table) = (entry.span().start, entry.get_ref());
     // The keys that are no parameter of a formula, which serde gives together with those that are.
@@ -473,6 +497,7 @@ fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>, text: &str) -> R
                 .place_parameter(effect, joint, 0, value, std)
                 .map_err(impossible(at, what))?;
             read_more_parameters(model, (effect, joint), table, at)?;
+            read_witnesses(model, (effect, joint), table, at)?;
         }
         (None, Some(_)) => {
             return Err((

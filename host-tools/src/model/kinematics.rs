@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Vector3};
 use proprio_core::effect::EffectKind;
 use proprio_core::spatial::Transform;
 
-use super::{Estimate, Impossible, Model, possible};
+use super::{Estimate, Impossible, Model, Witness, possible};
 use crate::catalogue;
 
 /// A number that calibration estimates at a joint.
@@ -83,7 +83,7 @@ impl JointQuantity {
     }
 
     /// The effect of the catalogue that has this number, where one has.
-    fn effect(self) -> Option<EffectKind> {
+    pub(crate) fn effect(self) -> Option<EffectKind> {
         match self {
             Self::Elasticity => catalogue::effect_named("elasticity"),
             Self::Backlash => catalogue::effect_named("backlash"),
@@ -179,7 +179,7 @@ impl Model {
         found.next().map(|(_, _, estimate)| *estimate)
     }
 
-    /// States a quantity at a joint, rounded as identified values are.
+    /// States what poses measured of a quantity at a joint, rounded as identified values are; an effect's is combined with what others measured.
     ///
     /// # Errors
     /// [`Impossible`] if it is not finite or beyond an effect's bounds; then nothing changes.
@@ -188,12 +188,12 @@ impl Model {
         joint: usize,
         quantity: JointQuantity,
         value: f64,
-        std: Option<f64>,
+        std: f64,
     ) -> Result<(), Impossible> {
         if let Some(effect) = quantity.effect() {
-            return self.set_effect(effect, joint, value, std);
+            return self.set_measured(effect, joint, Witness::Poses, value, std);
         }
-        let (value, std) = (super::rounded(value), std.map(super::rounded));
+        let (value, std) = (super::rounded(value), Some(super::rounded(std)));
         self.place_joint_quantity(joint, quantity, Estimate { value, std })
     }
 

@@ -107,6 +107,7 @@
 //! - `priors`: what an effect's parameters are taken to be before any data, at a joint of any robot: zero, within what the joint's limits
 //!   and the robot's own size leave room for
 //! - `rounding`: numbers to so many significant digits
+//! - `witness`: one number by poses, by frequency responses and by motion: combined, or contradicting each other
 
 mod asked;
 mod conventions;
@@ -124,6 +125,7 @@ mod provenance;
 mod robot;
 mod rounding;
 mod urdf;
+mod witness;
 
 use std::path::{Path, PathBuf};
 
@@ -149,6 +151,7 @@ pub use provenance::{LogRecord, Provenance};
 pub use robot::{Body, Frame, JointKind, Limb, LogConventions, Motor, Robot, Source};
 use rounding::rounded;
 pub(crate) use rounding::significant;
+pub use witness::{Measured, Witness, Witnessed};
 
 use crate::output::{self, WriteError};
 

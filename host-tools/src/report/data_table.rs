@@ -22,6 +22,13 @@ pub(super) struct Column {
     pub(super) numeric: bool,
 }
 
+impl Column {
+    /// A column of words or of numbers.
+    pub(super) fn new(title: &'static str, numeric: bool) -> Self {
+        Self { title, numeric }
+    }
+}
+
 /// A cell of a table.
 pub(super) struct Cell {
     pub(super) text: String,

@@ -39,7 +39,7 @@ pub(crate) fn section(every: &EveryWindow, names: [&str; 2]) -> Section {
             number(minute.worst_joint_rms),
         ]
     };
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     Section {
         id: "minutes",
         title: "Every window, by the minute",

@@ -20,7 +20,7 @@ pub struct Row {
 
 /// A table that can be sorted.
 pub fn section(rows: &[Row]) -> Section {
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     let row = |row: &Row| {
         let floor = row.floor.map_or(Cell::text(""), |floor| {
             Cell::number(format!("{floor:.4}"), floor)

@@ -39,7 +39,7 @@ pub struct ExpectedRow {
 
 /// A table of what a motion makes of standard deviations.
 pub fn expected(parameters: &[ExpectedRow]) -> Section {
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     let row = |p: &ExpectedRow| {
         vec![
             Cell::text(&p.name),
@@ -75,7 +75,7 @@ fn unit(unit: &str) -> String {
 
 /// A table of all of them.
 pub fn section(parameters: &[ParameterRow]) -> Section {
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     let row = |p: &ParameterRow| {
         vec![
             Cell::text(&p.name),

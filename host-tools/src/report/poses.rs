@@ -15,19 +15,6 @@ const VECTORS: usize = 400;
 /// The longest error vector, as a share of the space that the targets move in.
 const LONGEST: f64 = 0.15;
 
-fn key(label: &str, colour: &'static str, mark: Mark, trace: Option<usize>) -> Key {
-    Key {
-        label: label.to_owned(),
-        colour,
-        mark,
-        trace,
-    }
-}
-
-fn column(title: &'static str, numeric: bool) -> Column {
-    Column { title, numeric }
-}
-
 fn mm(x: f64) -> Cell {
     Cell::number(format!("{x:.3}"), x)
 }
@@ -90,8 +77,8 @@ pub fn vectors(errors: &[PoseError]) -> Section {
             1e3 * scale
         ),
         legend: vec![
-            key("before", colour::REMOVED, Mark::Solid, Some(0)),
-            key("after", colour::MODELS[0], Mark::Solid, Some(1)),
+            Key::new("before", colour::REMOVED, Mark::Solid, Some(0)),
+            Key::new("after", colour::MODELS[0], Mark::Solid, Some(1)),
         ],
         figures: if errors.is_empty() {
             Vec::new()
@@ -135,16 +122,16 @@ pub fn by_pose(errors: &[PoseError]) -> Section {
         title: "Error by pose",
         text: "The distance between measured and predicted place of a target, by a fit that has not used the pose.".to_owned(),
         legend: vec![
-            key("before", colour::REMOVED, Mark::Point, Some(0)),
-            key("after", colour::MODELS[0], Mark::Point, Some(1)),
+            Key::new("before", colour::REMOVED, Mark::Point, Some(0)),
+            Key::new("after", colour::MODELS[0], Mark::Point, Some(1)),
         ],
         figures: vec![figure],
         table: Some(DataTable {
             columns: vec![
-                column("pose", false),
-                column("target", false),
-                column("before, mm", true),
-                column("after, mm", true),
+                Column::new("pose", false),
+                Column::new("target", false),
+                Column::new("before, mm", true),
+                Column::new("after, mm", true),
             ],
             rows: errors.iter().map(row).collect(),
         }),
@@ -179,7 +166,7 @@ pub fn by_joint(shares: &[JointShare]) -> Section {
             .to_owned(),
         figures: if shares.is_empty() { Vec::new() } else { vec![figure] },
         table: Some(DataTable {
-            columns: vec![column("joint", false), column("moves by, mm", true)],
+            columns: vec![Column::new("joint", false), Column::new("moves by, mm", true)],
             rows: shares.iter().map(|s| vec![Cell::text(&s.joint), mm(s.moves)]).collect(),
         }),
         columns: 1,
@@ -211,12 +198,12 @@ pub fn candidates(candidates: &[Candidate]) -> Section {
             .to_owned(),
         table: Some(DataTable {
             columns: vec![
-                column("effect", false),
-                column("joints", false),
-                column("gain, mm", true),
-                column("z", true),
-                column("in the model", false),
-                column("confounded with", false),
+                Column::new("effect", false),
+                Column::new("joints", false),
+                Column::new("gain, mm", true),
+                Column::new("z", true),
+                Column::new("in the model", false),
+                Column::new("confounded with", false),
             ],
             rows: candidates.iter().map(row).collect(),
         }),
@@ -244,12 +231,12 @@ pub fn values(values: &[Value]) -> Section {
         text: "Corrections of joint frames in the frames themselves, and effects, ± one standard deviation by the scatter over poses.".to_owned(),
         table: Some(DataTable {
             columns: vec![
-                column("value", false),
-                column("estimate", true),
-                column("±", true),
-                column("before the data ±", true),
-                column("unit", false),
-                column("status", false),
+                Column::new("value", false),
+                Column::new("estimate", true),
+                Column::new("±", true),
+                Column::new("before the data ±", true),
+                Column::new("unit", false),
+                Column::new("status", false),
             ],
             rows: values.iter().map(row).collect(),
         }),

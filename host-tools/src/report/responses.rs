@@ -12,15 +12,6 @@ use crate::spectrum::{Curve, FrfValue};
 /// Responses drawn at one point and more than this many joints squared would be too small to read.
 const DRAWN: usize = 36;
 
-fn key(label: &str, colour: &'static str, mark: Mark, trace: Option<usize>) -> Key {
-    Key {
-        label: label.to_owned(),
-        colour,
-        mark,
-        trace,
-    }
-}
-
 /// The first point's curves: one of each pair of joints.
 fn first_point(curves: &[Curve]) -> impl Iterator<Item = &Curve> {
     curves.iter().filter(|c| c.point == 1).take(DRAWN)
@@ -106,9 +97,9 @@ pub fn bode(curves: &[Curve], unit: &str) -> Section {
              motor hardly moves. Where model and measurement part beyond the band, the model lacks something."
         ),
         legend: vec![
-            key("measured", colour::MEASURED, Mark::Point, Some(0)),
-            key("model", colour::MODELS[0], Mark::Solid, Some(1)),
-            key("± 2σ", colour::BAND, Mark::Solid, Some(2)),
+            Key::new("measured", colour::MEASURED, Mark::Point, Some(0)),
+            Key::new("model", colour::MODELS[0], Mark::Solid, Some(1)),
+            Key::new("± 2σ", colour::BAND, Mark::Solid, Some(2)),
         ],
         figures,
         columns: 2 * columns(curves),
@@ -156,8 +147,8 @@ pub fn scatter(curves: &[Curve]) -> Section {
                friction and backlash. With one block both are the same."
             .to_owned(),
         legend: vec![
-            key("noise and distortion", colour::MODELS[0], Mark::Solid, Some(0)),
-            key("noise", colour::MEASURED, Mark::Solid, Some(1)),
+            Key::new("noise and distortion", colour::MODELS[0], Mark::Solid, Some(0)),
+            Key::new("noise", colour::MEASURED, Mark::Solid, Some(1)),
         ],
         figures,
         columns: 3,
@@ -177,7 +168,7 @@ pub fn values(values: &[FrfValue]) -> Section {
             Cell::text(v.status),
         ]
     };
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     Section {
         id: "values",
         title: "Values",

@@ -23,7 +23,7 @@ pub struct Row {
 
 /// A table that can be sorted, of rollouts under a torque, in words.
 pub fn errors(rows: &[Row], under: &str) -> Section {
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     let row = |row: &Row| {
         let rms = row.rms.map(|rms| match rms {
             Some(rms) => Cell::number(format!("{rms:.5}"), rms),

@@ -35,6 +35,18 @@ pub(super) struct Key {
     pub(super) trace: Option<usize>,
 }
 
+impl Key {
+    /// An entry of the program's own words.
+    pub(super) fn new(label: &str, colour: &'static str, mark: Mark, trace: Option<usize>) -> Self {
+        Self {
+            label: label.to_owned(),
+            colour,
+            mark,
+            trace,
+        }
+    }
+}
+
 /// How an entry of a legend looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mark {

@@ -112,7 +112,7 @@ fn figure(steps: &[Step], floor: Option<f64>) -> Figure {
 }
 
 fn table(steps: &[Step]) -> DataTable {
-    let column = |title, numeric| Column { title, numeric };
+    let column = Column::new;
     let row = |(n, step): (usize, &Step)| {
         vec![
             Cell::number(n.to_string(), n as f64),

@@ -8,22 +8,21 @@ use nalgebra::{DMatrix, DVector};
 use proprio_solve::bounded::{inverse, triangle};
 use realfft::num_complex::Complex64;
 
-use super::flexible::{Derived, Plant, derived, response};
+use super::flexible::{At, Derived, Plant};
 use super::layout::Layout;
+use super::linear::{damped, jackknife, larger, moved_by_priors, prior_rows, stacked};
 use super::response::{Point, Response};
 use crate::parallel::by_number;
 use crate::robust::{median, scale};
 
 /// Elements whose relative variance is greater are left out: the logarithm of what is mostly noise is biased.
-const LEAST_KNOWN: f64 = 0.25;
+pub(super) const LEAST_KNOWN: f64 = 0.25;
 /// Neighbouring lines to each side over which a variance is averaged: one of few blocks is worth little alone.
 const SMOOTHED: usize = 2;
 /// No response is better known than this share: rounding of encoders and of the model's aliases.
 const LEAST_ERROR: f64 = 1e-3;
 /// The error share before residuals have shown one.
-const FIRST_ERROR: f64 = 0.05;
-/// The longest step of a logarithm.
-const LONGEST_STEP: f64 = 1.0;
+pub(super) const FIRST_ERROR: f64 = 0.05;
 /// Parts of the lines that are left out in turn.
 const TENTHS: usize = 10;
 /// A fit stands when no entry moves by more than this.
@@ -59,7 +58,7 @@ pub(super) struct Fit {
 }
 
 /// Weighted rows of one group of data: derivatives, and residual as the last column.
-struct Group {
+pub(super) struct Group {
     rows: DMatrix<f64>,
 }
 
@@ -71,7 +70,7 @@ struct State {
 
 impl Problem<'_> {
     /// Relative variance of an element at a line, averaged over neighbours.
-    fn relative_variance(&self, point: &Point, line: usize, i: usize, j: usize) -> f64 {
+    pub(super) fn relative_variance(&self, point: &Point, line: usize, i: usize, j: usize) -> f64 {
         let lines = line.saturating_sub(SMOOTHED)..(line + SMOOTHED + 1).min(point.mean.len());
         let count = lines.len() as f64;
         let of = |l: usize| {
@@ -81,16 +80,18 @@ impl Problem<'_> {
         lines.map(of).sum::<f64>() / count
     }
 
-    /// Residuals ln(G/Ĝ) of `response` at a point: line, element, value, its standard deviation from scatter of each component.
-    fn residuals(
+    /// Residuals ln(G/Ĝ) of `response` at some lines of a point: line, element, value, its standard deviation from scatter of each component.
+    fn residuals<'m>(
         &self,
         point: usize,
         response: &Response,
-        model: &[DMatrix<Complex64>],
+        lines: std::ops::Range<usize>,
+        model: impl Fn(usize) -> &'m DMatrix<Complex64>,
     ) -> Vec<(usize, usize, usize, Complex64, f64)> {
         let own = self.points[point];
         let mut all = Vec::new();
-        for (line, model) in model.iter().enumerate() {
+        for line in lines {
+            let model = model(line);
             let n = model.nrows();
             for i in 0..n {
                 for j in 0..n {
@@ -106,21 +107,21 @@ impl Problem<'_> {
     }
 
     /// The model's response and derivatives at all lines of a point.
-    fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
-        (self.omega[..self.used].iter())
-            .map(|&omega| derived(&self.plants[point], layout, x, omega, self.dt))
-            .collect()
+    pub(super) fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
+        let at = At::new(&self.plants[point], layout, x);
+        let lines = self.omega[..self.used].iter();
+        lines.map(|&omega| at.derived(omega, self.dt)).collect()
     }
 
     /// The model's response at all lines of a point.
     fn responses(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Response> {
-        (self.omega[..self.used].iter())
-            .map(|&omega| response(&self.plants[point], layout, x, omega, self.dt))
-            .collect()
+        let at = At::new(&self.plants[point], layout, x);
+        let lines = self.omega[..self.used].iter();
+        lines.map(|&omega| at.response(omega, self.dt)).collect()
     }
 
     /// Weighted rows of a point's mean, or of one of its blocks, between two lines.
-    fn rows(
+    pub(super) fn rows(
         &self,
         point: usize,
         block: Option<usize>,
@@ -132,15 +133,10 @@ impl Problem<'_> {
         let response = block.map_or(&own.mean, |b| &own.blocks[b]);
         // A block weighs as much as its share of the mean.
         let share = block.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
-        let responses: Vec<DMatrix<Complex64>> = model.iter().map(|m| m.response.clone()).collect();
-        let residuals = self.residuals(point, response, &responses);
-        let kept: Vec<_> = residuals
-            .iter()
-            .filter(|(line, ..)| lines.contains(line))
-            .collect();
+        let kept = self.residuals(point, response, lines, |line| &model[line].response);
         let unknowns = model.first().map_or(0, |m| m.slopes.len());
         let mut rows = DMatrix::zeros(2 * kept.len(), unknowns + 1);
-        for (k, &&(line, i, j, error, std)) in kept.iter().enumerate() {
+        for (k, &(line, i, j, error, std)) in kept.iter().enumerate() {
             let weight = weight(std, lacking) / share;
             for (u, slope) in model[line].slopes.iter().enumerate() {
                 let relative = slope[(i, j)] / model[line].response[(i, j)] * weight;
@@ -215,7 +211,8 @@ impl Problem<'_> {
             let Some(model) = self.responses(point, layout, x) else {
                 return f64::INFINITY;
             };
-            let all = self.residuals(point, &self.points[point].mean, &model);
+            let mean = &self.points[point].mean;
+            let all = self.residuals(point, mean, 0..model.len(), |line| &model[line]);
             let square = |(_, _, _, error, std): &(_, _, _, Complex64, f64)| {
                 error.norm_sqr() * weight(*std, lacking).powi(2)
             };
@@ -302,7 +299,8 @@ impl Problem<'_> {
         let mut all = Vec::new();
         for point in 0..self.points.len() {
             let responses = self.responses(point, layout, x)?;
-            let own = self.residuals(point, &self.points[point].mean, &responses);
+            let mean = &self.points[point].mean;
+            let own = self.residuals(point, mean, 0..responses.len(), |line| &responses[line]);
             all.extend(own.into_iter().map(|(_, _, _, error, std)| (error, std)));
         }
         Some(all)
@@ -355,72 +353,6 @@ impl Problem<'_> {
         })
     }
 
-    /// Log magnitude errors of each point by a fit without it; of one point, of each stretch of lines or block.
-    fn held_out(
-        &self,
-        layout: &Layout,
-        x: &[f64],
-        groups: &[(usize, Group)],
-        factors: &[DMatrix<f64>],
-        prior: &DMatrix<f64>,
-    ) -> Option<Vec<f64>> {
-        let by_point = self.points.len() > 2;
-        let folds = if by_point { self.points.len() } else { 1 };
-        let mut errors = Vec::new();
-        if by_point {
-            for point in 0..folds {
-                let others = (factors.iter().zip(groups))
-                    .filter(|(_, (own, _))| *own != point)
-                    .map(|(factor, _)| factor);
-                let step = damped(&stacked(others, prior), 0.0);
-                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
-                errors.extend(self.point_errors(point, 0..self.used, layout, &without)?);
-            }
-            return Some(errors);
-        }
-        // Every fourth line in turn: neighbours of a sharp resonance stay in.
-        const FOLDS: usize = 4;
-        for point in 0..self.points.len() {
-            for fold in 0..FOLDS {
-                let mut kept = Vec::new();
-                for other in 0..self.points.len() {
-                    let model = self.model(other, layout, x)?;
-                    for line in (0..self.used).filter(|l| other != point || l % FOLDS != fold) {
-                        kept.push(self.rows(other, None, line..line + 1, &model, FIRST_ERROR));
-                    }
-                }
-                let step = damped(&stacked(kept.iter(), prior), 0.0);
-                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
-                for line in (fold..self.used).step_by(FOLDS) {
-                    errors.extend(self.point_errors(point, line..line + 1, layout, &without)?);
-                }
-            }
-        }
-        Some(errors)
-    }
-
-    /// Log magnitude errors of a point's mean at some lines.
-    fn point_errors(
-        &self,
-        point: usize,
-        lines: std::ops::Range<usize>,
-        layout: &Layout,
-        x: &[f64],
-    ) -> Option<Vec<f64>> {
-        let own = self.points[point];
-        let mut errors = Vec::new();
-        for line in lines {
-            let model = response(&self.plants[point], layout, x, self.omega[line], self.dt)?;
-            for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
-                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln().re;
-                if self.relative_variance(own, line, i, j) < LEAST_KNOWN && error.is_finite() {
-                    errors.push(error);
-                }
-            }
-        }
-        Some(errors)
-    }
-
     /// Standard deviation of a log magnitude by scatter alone, root mean square over what is used.
     pub(super) fn floor(&self) -> f64 {
         let mut squares = Vec::new();
@@ -468,43 +400,6 @@ impl Fit {
     }
 }
 
-/// Covariance by fits that leave out the factors of each owner in turn, to first order (Efron 1982, delete-a-group jackknife).
-fn jackknife(factors: &[DMatrix<f64>], owners: &[usize], prior: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = prior.ncols() - 1;
-    let count = owners.iter().max().map_or(0, |last| last + 1);
-    let mut spread = DMatrix::zeros(n, n);
-    for left_out in 0..count {
-        let others = factors
-            .iter()
-            .zip(owners)
-            .filter(|(_, owner)| **owner != left_out);
-        let step = damped(&stacked(others.map(|(factor, _)| factor), prior), 0.0);
-        spread += &step * step.transpose() * ((count as f64 - 1.0) / count as f64);
-    }
-    // Of few groups the spread itself is uncertain: the variance of Student's t of as many degrees of freedom.
-    let freedom = count as f64 - 1.0;
-    if freedom > 2.0 {
-        spread *= freedom / (freedom - 2.0);
-    }
-    spread
-}
-
-/// A covariance whose standard deviations are made as large as those of another one, where that has larger ones.
-fn larger(mut covariance: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = covariance.nrows();
-    let factor = |k: usize| {
-        let ratio = other[(k, k)] / covariance[(k, k)].max(1e-300);
-        ratio.max(1.0).sqrt()
-    };
-    let factors: Vec<f64> = (0..n).map(factor).collect();
-    for i in 0..n {
-        for j in 0..n {
-            covariance[(i, j)] *= factors[i] * factors[j];
-        }
-    }
-    covariance
-}
-
 /// One over the standard deviation of a component of an error.
 fn weight(std: f64, lacking: f64) -> f64 {
     1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
@@ -513,67 +408,4 @@ fn weight(std: f64, lacking: f64) -> f64 {
 /// Root mean square.
 pub(super) fn rms(x: &[f64]) -> f64 {
     (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
-}
-
-/// The priors as rows: (x − mean)/std is nothing.
-pub(super) fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
-    let n = layout.unknowns.len();
-    let known: Vec<(usize, (f64, f64))> = (layout.priors.iter().enumerate())
-        .filter_map(|(k, prior)| prior.map(|p| (k, p)))
-        .collect();
-    let mut rows = DMatrix::zeros(known.len(), n + 1);
-    for (row, (k, (mean, std))) in known.into_iter().enumerate() {
-        rows[(row, k)] = 1.0 / std;
-        rows[(row, n)] = (mean - x[k]) / std;
-    }
-    rows
-}
-
-/// How far the priors' own errors move the estimates, a column each: C R_pᵀ, and where a prior is too sure so many times that. What no scatter shows.
-pub(super) fn moved_by_priors(
-    layout: &Layout,
-    posterior: &DMatrix<f64>,
-    prior: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let n = layout.unknowns.len();
-    let mut rows = prior.view((0, 0), (prior.nrows(), n)).into_owned();
-    let own = layout.priors.iter().zip(&layout.doubts);
-    let doubts = own.filter_map(|(prior, doubt)| prior.map(|_| *doubt));
-    for (mut row, doubt) in rows.row_iter_mut().zip(doubts) {
-        row *= doubt;
-    }
-    posterior * rows.transpose()
-}
-
-/// The triangle of all rows.
-pub(super) fn stacked<'a>(
-    parts: impl Iterator<Item = &'a DMatrix<f64>>,
-    prior: &'a DMatrix<f64>,
-) -> DMatrix<f64> {
-    let columns = prior.ncols();
-    let parts: Vec<&DMatrix<f64>> = parts.chain([prior]).collect();
-    let count: usize = parts.iter().map(|p| p.nrows()).sum();
-    let mut all = DMatrix::zeros(count, columns);
-    let mut at = 0;
-    for part in parts {
-        all.view_mut((at, 0), (part.nrows(), columns))
-            .copy_from(part);
-        at += part.nrows();
-    }
-    triangle(all)
-}
-
-/// The step of min ‖R s − z‖² + damping ‖D s‖², D the columns' sizes; each entry no longer than a logarithm may move.
-fn damped(factor: &DMatrix<f64>, damping: f64) -> DVector<f64> {
-    let n = factor.ncols() - 1;
-    let mut rows = DMatrix::zeros(n, n + 1);
-    for k in 0..n {
-        // What the data do not see is held where it is.
-        let size = factor.view((0, k), (n, 1)).norm().max(1e-6);
-        rows[(k, k)] = (damping.max(1e-12)).sqrt() * size;
-    }
-    let whole = stacked(std::iter::once(factor), &rows);
-    let r = whole.view((0, 0), (n, n)).into_owned();
-    let step = inverse(&r) * whole.view((0, n), (n, 1)).column(0);
-    step.map(|s| s.clamp(-LONGEST_STEP, LONGEST_STEP))
 }

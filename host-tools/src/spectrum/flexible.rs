@@ -38,8 +38,16 @@ pub(super) struct Derived {
     pub(super) slopes: Vec<DMatrix<Complex64>>,
 }
 
-fn complex(m: &DMatrix<f64>, by: Complex64) -> DMatrix<Complex64> {
-    m.map(|x| by * x)
+/// A point's plant at an entry of a fit: what all lines and aliases have in common.
+pub(super) struct At<'a> {
+    plant: &'a Plant,
+    layout: &'a Layout,
+    x: &'a [f64],
+    /// H with what the rigid unknowns make of it.
+    inertia: DMatrix<f64>,
+    /// Of each joint: k, d, F_v, J, F_l.
+    joints: Vec<[f64; 5]>,
+    delay: f64,
 }
 
 /// The matrices at one s.
@@ -50,37 +58,6 @@ struct Blocks {
     p: DMatrix<Complex64>,
     /// diag(S).
     spring: Vec<Complex64>,
-}
-
-/// P at s, or none where a matrix is singular.
-fn blocks(plant: &Plant, layout: &Layout, x: &[f64], s: Complex64) -> Option<Blocks> {
-    let n = plant.inertia.nrows();
-    let value = |of: Unknown| layout.value(x, of);
-    let spring: Vec<Complex64> = (0..n)
-        .map(|i| s * value(Unknown::Damping(i)) + value(Unknown::Stiffness(i)))
-        .collect();
-    let mut inertia = plant.inertia.clone();
-    for (m, slope) in plant.rigid.iter().enumerate() {
-        inertia += slope * value(Unknown::Rigid(m));
-    }
-    if n == 1 && layout.has(Unknown::LinkInertia) {
-        inertia[(0, 0)] = value(Unknown::LinkInertia);
-    }
-    let mut a = complex(&inertia, s * s) + complex(&plant.gravity, Complex64::from(1.0));
-    for i in 0..n {
-        a[(i, i)] += spring[i] + s * value(Unknown::LinkViscous(i));
-    }
-    let inverse = a.try_inverse()?;
-    let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
-    for i in 0..n {
-        z[(i, i)] +=
-            s * s * value(Unknown::Armature(i)) + s * value(Unknown::Viscous(i)) + spring[i];
-    }
-    Some(Blocks {
-        inverse,
-        p: z.try_inverse()?,
-        spring,
-    })
 }
 
 /// Which aliases count at ω, as s and the hold's factor.
@@ -98,121 +75,168 @@ fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
     })
 }
 
-/// Goes through the aliases that count at ω with a drive that holds its torque for `dt` and a delay: the matrices at each s, s, and the factor of what
-/// they give. None where the model is singular.
-fn each_alias(
-    plant: &Plant,
-    layout: &Layout,
-    x: &[f64],
-    (omega, dt): (f64, f64),
-    mut add: impl FnMut(&Blocks, Complex64, Complex64),
-) -> Option<()> {
-    let delay = Complex64::new(0.0, -omega * layout.value(x, Unknown::Delay)).exp();
-    for (s, hold) in terms(omega, dt) {
-        add(&blocks(plant, layout, x, s)?, s, hold * delay);
+fn zeros(n: usize) -> DMatrix<Complex64> {
+    DMatrix::zeros(n, n)
+}
+
+/// Adds a multiple of another matrix.
+fn add(to: &mut DMatrix<Complex64>, by: Complex64, other: &DMatrix<Complex64>) {
+    to.zip_apply(other, |to, other| *to += by * other);
+}
+
+impl<'a> At<'a> {
+    /// The plant with these entries of a layout.
+    pub(super) fn new(plant: &'a Plant, layout: &'a Layout, x: &'a [f64]) -> Self {
+        let n = plant.inertia.nrows();
+        let value = |of: Unknown| layout.value(x, of);
+        let mut inertia = plant.inertia.clone();
+        for (m, slope) in plant.rigid.iter().enumerate() {
+            let by = value(Unknown::Rigid(m));
+            inertia.zip_apply(slope, |own, slope| *own += by * slope);
+        }
+        if n == 1 && layout.has(Unknown::LinkInertia) {
+            inertia[(0, 0)] = value(Unknown::LinkInertia);
+        }
+        let joint = |i: usize| {
+            [
+                Unknown::Stiffness(i),
+                Unknown::Damping(i),
+                Unknown::Viscous(i),
+                Unknown::Armature(i),
+                Unknown::LinkViscous(i),
+            ]
+            .map(value)
+        };
+        Self {
+            plant,
+            layout,
+            x,
+            inertia,
+            joints: (0..n).map(joint).collect(),
+            delay: value(Unknown::Delay),
+        }
     }
-    Some(())
-}
 
-/// Torque to motor position at ω; none where the model is singular.
-pub(super) fn response(
-    plant: &Plant,
-    layout: &Layout,
-    x: &[f64],
-    omega: f64,
-    dt: f64,
-) -> Option<DMatrix<Complex64>> {
-    let n = plant.inertia.nrows();
-    let mut response = DMatrix::zeros(n, n);
-    each_alias(plant, layout, x, (omega, dt), |own, _, by| {
-        response += &own.p * by
-    })?;
-    Some(response)
-}
-
-/// The same with its derivatives; none where the model is singular.
-pub(super) fn derived(
-    plant: &Plant,
-    layout: &Layout,
-    x: &[f64],
-    omega: f64,
-    dt: f64,
-) -> Option<Derived> {
-    let n = plant.inertia.nrows();
-    let zero = || DMatrix::zeros(n, n);
-    let mut response: DMatrix<Complex64> = zero();
-    let mut slopes: Vec<DMatrix<Complex64>> = layout.unknowns.iter().map(|_| zero()).collect();
-    each_alias(plant, layout, x, (omega, dt), |own, s, by| {
-        response += &own.p * by;
-        add_slopes(&mut slopes, plant, layout, x, (s, by), own, dt);
-    })?;
-    if let Some(index) = layout.index(Unknown::Delay) {
-        let by = Complex64::new(0.0, -omega) * layout.scale(x, index);
-        slopes[index] = &response * by;
+    /// The matrices at s, or none where one is singular.
+    fn blocks(&self, s: Complex64) -> Option<Blocks> {
+        let n = self.joints.len();
+        let springs = self.joints.iter();
+        let spring: Vec<Complex64> = springs.map(|&[k, d, ..]| s * d + k).collect();
+        let mut a = self
+            .inertia
+            .zip_map(&self.plant.gravity, |inertia, gravity| {
+                s * s * inertia + gravity
+            });
+        for (i, [.., link_viscous]) in self.joints.iter().enumerate() {
+            a[(i, i)] += spring[i] + s * link_viscous;
+        }
+        let inverse = a.try_inverse()?;
+        let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
+        for (i, &[_, _, viscous, armature, _]) in self.joints.iter().enumerate() {
+            z[(i, i)] += s * s * armature + s * viscous + spring[i];
+        }
+        Some(Blocks {
+            inverse,
+            p: z.try_inverse()?,
+            spring,
+        })
     }
-    Some(Derived { response, slopes })
-}
 
-/// Adds ∂P = −P ∂Z P of one term to the derivatives.
-fn add_slopes(
-    slopes: &mut [DMatrix<Complex64>],
-    plant: &Plant,
-    layout: &Layout,
-    x: &[f64],
-    (s, by): (Complex64, Complex64),
-    own: &Blocks,
-    dt: f64,
-) {
-    let rate = std::f64::consts::TAU / dt;
-    let n = plant.inertia.nrows();
-    let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
-    // t = A⁻¹ S P: a torque's effect on the links.
-    let sp = DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
-    let t = a * sp;
-    // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
-    let rank_one = |v: DVector<Complex64>, factor: Complex64| {
-        let row = v.transpose();
-        v * row * -factor
-    };
-    let column = |m: &DMatrix<Complex64>, i: usize| m.column(i).into_owned();
-    for (index, unknown) in layout.unknowns.iter().enumerate() {
-        let factor = by * layout.scale(x, index);
+    /// Goes through the aliases that count at ω with a drive that holds its torque for `dt` and a delay: the matrices at each s, s, and the factor of what
+    /// they give. None where the model is singular.
+    fn each_alias(
+        &self,
+        (omega, dt): (f64, f64),
+        mut add: impl FnMut(&Blocks, Complex64, Complex64),
+    ) -> Option<()> {
+        let delay = Complex64::new(0.0, -omega * self.delay).exp();
+        for (s, hold) in terms(omega, dt) {
+            add(&self.blocks(s)?, s, hold * delay);
+        }
+        Some(())
+    }
+
+    /// Torque to motor position at ω; none where the model is singular.
+    pub(super) fn response(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
+        let mut response = zeros(self.joints.len());
+        self.each_alias((omega, dt), |own, _, by| add(&mut response, by, &own.p))?;
+        Some(response)
+    }
+
+    /// The same with its derivatives; none where the model is singular.
+    pub(super) fn derived(&self, omega: f64, dt: f64) -> Option<Derived> {
+        let n = self.joints.len();
+        let mut response = zeros(n);
+        let unknowns = self.layout.unknowns.iter();
+        let mut slopes: Vec<DMatrix<Complex64>> = unknowns.map(|_| zeros(n)).collect();
+        self.each_alias((omega, dt), |own, s, by| {
+            add(&mut response, by, &own.p);
+            self.add_slopes(&mut slopes, (s, by), own, dt);
+        })?;
+        if let Some(index) = self.layout.index(Unknown::Delay) {
+            let by = Complex64::new(0.0, -omega) * self.layout.scale(self.x, index);
+            slopes[index] = &response * by;
+        }
+        Some(Derived { response, slopes })
+    }
+
+    /// Adds ∂P = −P ∂Z P of one term to the derivatives.
+    fn add_slopes(
+        &self,
+        slopes: &mut [DMatrix<Complex64>],
+        (s, by): (Complex64, Complex64),
+        own: &Blocks,
+        dt: f64,
+    ) {
+        let rate = std::f64::consts::TAU / dt;
+        let n = self.joints.len();
+        let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
+        // t = A⁻¹ S P: a torque's effect on the links.
+        let t = a * DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
+        let one = Complex64::from(1.0);
+        // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
+        let rank_one = |to: &mut DMatrix<Complex64>, v: DVector<Complex64>, factor: Complex64| {
+            to.ger(-factor, &v, &v, one);
+        };
         // P is symmetric, so that P (1 − S A⁻¹) e_i is the row i of P − t.
         let bent = |i: usize| DVector::from_fn(n, |j, _| p[(j, i)] - t[(i, j)]);
-        let slope = match *unknown {
-            Unknown::Stiffness(i) => rank_one(bent(i), factor),
-            Unknown::Damping(i) => rank_one(bent(i), factor * s),
-            Unknown::Viscous(i) => rank_one(column(p, i), factor * s),
-            Unknown::Armature(i) => rank_one(column(p, i), factor * s * s),
-            Unknown::LinkViscous(i) => rank_one(t.row(i).transpose(), factor * s),
-            Unknown::LinkInertia => rank_one(t.row(0).transpose(), factor * s * s),
-            // Aliases hardly depend on the links: motors move alone there.
-            Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => continue,
-            Unknown::Rigid(m) => {
-                let bent = complex(&plant.rigid[m], s * s) * &t;
-                t.transpose() * bent * -factor
+        let column = |i: usize| p.column(i).into_owned();
+        let row = |i: usize| t.row(i).transpose();
+        let mut bending = zeros(n);
+        for (index, unknown) in self.layout.unknowns.iter().enumerate() {
+            let factor = by * self.layout.scale(self.x, index);
+            let to = &mut slopes[index];
+            match *unknown {
+                Unknown::Stiffness(i) => rank_one(to, bent(i), factor),
+                Unknown::Damping(i) => rank_one(to, bent(i), factor * s),
+                Unknown::Viscous(i) => rank_one(to, column(i), factor * s),
+                Unknown::Armature(i) => rank_one(to, column(i), factor * s * s),
+                Unknown::LinkViscous(i) => rank_one(to, row(i), factor * s),
+                Unknown::LinkInertia => rank_one(to, row(0), factor * s * s),
+                // Aliases hardly depend on the links: motors move alone there.
+                Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => {}
+                Unknown::Rigid(m) => {
+                    let slope = &self.plant.rigid[m];
+                    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                        bending[(i, j)] = (0..n).map(|k| t[(k, j)] * slope[(i, k)]).sum();
+                    }
+                    to.gemm_tr(-factor * s * s, &t, &bending, one);
+                }
+                Unknown::Delay => {}
             }
-            Unknown::Delay => continue,
-        };
-        slopes[index] += slope;
+        }
     }
-}
 
-/// Torque to the links' position at ω.
-pub(super) fn link_response(
-    plant: &Plant,
-    layout: &Layout,
-    x: &[f64],
-    omega: f64,
-    dt: f64,
-) -> Option<DMatrix<Complex64>> {
-    let n = plant.inertia.nrows();
-    let mut response = DMatrix::zeros(n, n);
-    each_alias(plant, layout, x, (omega, dt), |own, _, by| {
-        let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
-        response += &own.inverse * sp * by;
-    })?;
-    Some(response)
+    /// Torque to the links' position at ω.
+    pub(super) fn link_response(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
+        let n = self.joints.len();
+        let mut response = zeros(n);
+        self.each_alias((omega, dt), |own, _, by| {
+            let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
+            add(&mut response, by, &(&own.inverse * sp));
+        })?;
+        Some(response)
+    }
 }
 
 #[cfg(test)]
@@ -234,7 +258,7 @@ mod tests {
         let (layout, x) = two_joints();
         let plant = plant();
         for omega in [20.0, 90.0, 400.0] {
-            let at = |x: &[f64]| derived(&plant, &layout, x, omega, 0.002).unwrap();
+            let at = |x: &[f64]| At::new(&plant, &layout, x).derived(omega, 0.002).unwrap();
             let own = at(&x);
             for n in 0..x.len() {
                 let step = 1e-6;
@@ -278,7 +302,8 @@ mod tests {
             let omega = std::f64::consts::TAU * f;
             let z = Complex64::new(0.0, omega * dt).exp();
             let exact = (z + 1.0) / ((z - 1.0) * (z - 1.0)) * dt * dt / (2.0 * 1.5);
-            let own = derived(&plant, &layout, &x, omega, dt).unwrap().response[(0, 0)];
+            let own = At::new(&plant, &layout, &x);
+            let own = own.derived(omega, dt).unwrap().response[(0, 0)];
             let wrong = (own / exact - 1.0).norm();
             assert!(wrong < 3e-3, "{f} Hz: {wrong:.1e}");
         }

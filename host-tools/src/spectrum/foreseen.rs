@@ -8,9 +8,9 @@ use proprio_solve::bounded::{inverse, triangle};
 use realfft::num_complex::Complex64;
 
 use super::error::FrfError;
-use super::fit::{moved_by_priors, prior_rows, stacked};
-use super::flexible::{Plant, derived, response};
+use super::flexible::{At, Plant};
 use super::layout::{Layout, Unknown};
+use super::linear::{moved_by_priors, prior_rows, stacked};
 use super::rigid::{Links, Motors};
 use super::springs::known_at;
 use super::start::{Drives, around, mean_inertia, spring_at};
@@ -116,7 +116,7 @@ impl Foreseen {
     /// Torque to motor position at a point and a line; none where the model is singular.
     pub(crate) fn response(&self, point: usize, line: usize) -> Option<DMatrix<Complex64>> {
         let plant = &self.plants[point];
-        response(plant, &self.layout, &self.x, self.omega[line], self.dt)
+        At::new(plant, &self.layout, &self.x).response(self.omega[line], self.dt)
     }
 
     /// Angular frequency of a line, rad/s.
@@ -160,9 +160,10 @@ impl Foreseen {
         for (plant, mean) in self.plants.iter().zip(&self.means) {
             let mut rows = DMatrix::zeros(2 * joints * joints * self.omega.len(), n + 1);
             let mut row = 0;
+            let [plant, mean] = [plant, mean].map(|of| At::new(of, &self.layout, &self.x));
             for (line, &omega) in self.omega.iter().enumerate() {
-                let own = derived(plant, &self.layout, &self.x, omega, self.dt)?;
-                let seen = response(mean, &self.layout, &self.x, omega, self.dt)?;
+                let own = plant.derived(omega, self.dt)?;
+                let seen = mean.response(omega, self.dt)?;
                 for (i, j) in (0..joints).flat_map(|i| (0..joints).map(move |j| (i, j))) {
                     let value = own.response[(i, j)];
                     let std = relative(line, j, value.norm());

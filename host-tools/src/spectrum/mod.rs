@@ -10,13 +10,16 @@
 //! Files beside:
 //!
 //! - `csv`: responses as a table
+//! - `elastic`: whether logs are of an elastic robot beyond its antiresonances
 //! - `error`: why logs are refused
 //! - `experiments`: spectra of periods, transients left out; what is excited
 //! - `fit`: the weighted fit of logarithms, its errors and what is held out
 //! - `flexible`: the flexible joint model's response and derivatives
 //! - `foreseen`: responses and errors that an experiment will have
 //! - `friction`: dry friction out of the torque
+//! - `held_out`: errors of what a fit has not used
 //! - `layout`: the unknowns of a fit
+//! - `linear`: the linear algebra of a fit
 //! - `periods`: the period of a log and its periodic stretches
 //! - `record`: logs of periodic experiments
 //! - `response`: responses by point and block, with noise and scatter
@@ -27,13 +30,16 @@
 //! - `text`: the first screen
 
 mod csv;
+mod elastic;
 mod error;
 mod experiments;
 mod fit;
 mod flexible;
 mod foreseen;
 mod friction;
+mod held_out;
 mod layout;
+mod linear;
 mod periods;
 mod record;
 mod response;
@@ -43,6 +49,7 @@ mod springs;
 mod start;
 mod text;
 
+pub use elastic::mismatches;
 pub use error::FrfError;
 pub(crate) use experiments::{HIGHEST, LEAST_LINES};
 pub(crate) use foreseen::{ExpectedSpring, Foreseen};

@@ -2,19 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use super::error::FrfError;
 use super::experiments::Experiments;
 use super::fit::{Fit, Problem, rms};
-use super::flexible::{derived, link_response};
+use super::flexible::At;
 use super::layout::Unknown;
 use super::record::{Record, TorqueUnit};
 use super::response::{self, Point};
 use super::springs::{self, FRICTION_DOUBT, bench, mode, with_model};
 use crate::catalogue;
-use crate::model::Model;
+use crate::model::{Model, Witness, Witnessed};
 use crate::robust::median;
 use crate::summary::ErrorRange;
 
@@ -146,6 +145,8 @@ pub struct Frf {
     pub lacking: Option<f64>,
     /// Mean square error in units of the scatter.
     pub chi_squared: Option<f64>,
+    /// Springs that others than these responses have measured too.
+    pub witnesses: Vec<Witnessed>,
     /// What a user should know.
     pub warnings: Vec<String>,
     /// Held out: rigid, with springs, scatter alone.
@@ -228,6 +229,7 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         links: Vec::new(),
         lacking: None,
         chi_squared: None,
+        witnesses: Vec::new(),
         warnings,
         error: ErrorRange {
             before: None,
@@ -251,6 +253,11 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         found.curves = curves(&points, &frequencies, &found.joints, None);
     }
     drop(fitted);
+    if let Some(model) = model {
+        let own = found.to_model(model)?;
+        found.witnesses = own.witnessed();
+        found.warnings.extend(own.contradictions());
+    }
     found.measured = points;
     Ok(found)
 }
@@ -417,7 +424,7 @@ impl Frf {
         own.filter(|(_, k)| k.value > IDENTIFIED * k.std)
     }
 
-    /// The model with the springs that were identified: 1/k of `elasticity` at each joint.
+    /// The model with the springs that were identified: 1/k of `elasticity` at each joint, combined with what other witnesses say.
     ///
     /// # Errors
     /// If the file cannot hold a value.
@@ -428,15 +435,11 @@ impl Frf {
         };
         for (i, k) in self.identified_springs() {
             let joint = own.robot().joint(&self.joints[i])?;
-            set(&mut own, elasticity, joint, k)?;
+            let std = k.std / (k.value * k.value);
+            own.set_measured(elasticity, joint, Witness::Responses, 1.0 / k.value, std)?;
         }
         Ok(own)
     }
-}
-
-fn set(model: &mut Model, effect: EffectKind, joint: usize, k: Estimated) -> Result<(), FrfError> {
-    let std = k.std / (k.value * k.value);
-    Ok(model.set_effect(effect, joint, 1.0 / k.value, Some(std))?)
 }
 
 /// The links' encoders against what the fit predicts of them.
@@ -446,11 +449,11 @@ fn links(points: &[Point], joints: &[String], problem: &Problem, fit: &Fit) -> V
         let mut ratios = Vec::new();
         for (p, point) in points.iter().enumerate() {
             let (measured, noise) = &point.link;
+            let at = At::new(&problem.plants[p], &fit.layout, &fit.x);
             for line in 0..problem.used.min(measured.len()) {
                 let own = measured[line][(i, i)];
                 let omega = problem.omega[line];
-                let predicted =
-                    link_response(&problem.plants[p], &fit.layout, &fit.x, omega, problem.dt);
+                let predicted = at.link_response(omega, problem.dt);
                 if let Some(predicted) = predicted
                     && noise[line][(i, i)].sqrt() < LINK_NOISE * own.norm()
                 {
@@ -484,9 +487,11 @@ fn curves(
     let mut all = Vec::new();
     for (p, point) in points.iter().enumerate() {
         let model: Vec<_> = match fitted {
-            Some((problem, fit)) => (problem.omega.iter())
-                .filter_map(|&w| derived(&problem.plants[p], &fit.layout, &fit.x, w, problem.dt))
-                .collect(),
+            Some((problem, fit)) => {
+                let at = At::new(&problem.plants[p], &fit.layout, &fit.x);
+                let lines = problem.omega.iter();
+                lines.filter_map(|&w| at.response(w, problem.dt)).collect()
+            }
             None => Vec::new(),
         };
         for (i, output) in joints.iter().enumerate() {
@@ -501,7 +506,7 @@ fn curves(
                     std: std
                         .map(|(v, n)| [v[(i, j)].sqrt(), n[(i, j)].sqrt()])
                         .collect(),
-                    modelled: model.iter().map(|m| pair(m.response[(i, j)])).collect(),
+                    modelled: model.iter().map(|m| pair(m[(i, j)])).collect(),
                 });
             }
         }

@@ -4,19 +4,7 @@ use std::path::Path;
 
 use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
 use crate::robust::median;
-use crate::summary::{Summary, typed};
-
-/// Three digits, as many after the point as the standard deviation shows.
-fn short(x: f64) -> String {
-    match x.abs() {
-        0.0 => "0".to_owned(),
-        size if (1e-2..1e6).contains(&size) => {
-            let digits = (2 - size.log10().floor() as i32).max(0) as usize;
-            format!("{x:.digits$}")
-        }
-        _ => format!("{x:.2e}"),
-    }
-}
+use crate::summary::{Summary, ValueLine, short, typed, value_lines};
 
 /// A value ± its standard deviation, whose first two digits say how many the value has.
 fn with_std(of: Estimated) -> String {
@@ -128,19 +116,14 @@ impl Frf {
 
     /// Every value and point.
     pub fn details(&self) -> String {
-        let mut out = String::from(
-            "\nvalue                                    estimate            std  status\n",
-        );
-        for value in &self.parameters {
-            out += &format!(
-                "{:<34} {:>14} {:>14}  {} ({})\n",
-                value.name,
-                short(value.value),
-                short(value.std),
-                value.status,
-                value.unit
-            );
-        }
+        let values = self.parameters.iter().map(|value| ValueLine {
+            name: &value.name,
+            value: value.value,
+            std: value.std,
+            status: value.status,
+            unit: &value.unit,
+        });
+        let mut out = value_lines(values, &self.witnesses);
         out += "\npoint  blocks  periods  noise %  scatter %  even %   odd %  mean position\n";
         let percent =
             |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{:.2}", 100.0 * x));

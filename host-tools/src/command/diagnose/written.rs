@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::command::Error;
+use crate::command::{Error, save_with_other_witnesses};
 use crate::identify::model_fit::{FitOptions, check_reproduced, fit_model};
 use crate::model::{Model, Provenance};
 use crate::recording::Recording;
@@ -58,6 +58,7 @@ impl Written {
                 model = fitted.to_model(&model, provenance)?;
                 model.save(path)?;
                 check_reproduced(recording, &model.read_back(path)?, &fitted)?;
+                save_with_other_witnesses(&mut model, path)?;
                 rms = Some(fitted.rms);
             }
             Values::OfOtherLogs | Values::Untold => model.save(path)?,

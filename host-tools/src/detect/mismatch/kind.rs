@@ -80,6 +80,8 @@ pub enum MismatchKind {
     Late(f64),
     /// What the model gives, with whatever friction, leaves this share of the torque's square at half of the joints, or more.
     NoBetterThanNothing(f64),
+    /// Joints on springs that are excited beyond their antiresonances, Hz: no rigid robot.
+    Elastic(Vec<(String, f64)>),
     /// The torque of this log is what was commanded.
     Commanded(String),
     /// These two logs hold the same numbers.

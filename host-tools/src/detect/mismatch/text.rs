@@ -172,6 +172,14 @@ impl fmt::Display for MismatchKind {
                  other sign, unit, order and time of its columns: another robot, or a robot that stands or walks",
                 100.0 * left
             ),
+            Self::Elastic(joints) => {
+                let each = joints.iter().map(|(joint, f)| format!("{joint} {f:.1} Hz"));
+                write!(
+                    f,
+                    "an elastic robot, excited beyond the antiresonances of its springs ({}): the model does not predict its torque there; use `proprio frf`",
+                    each.collect::<Vec<_>>().join(", ")
+                )
+            }
             Self::Commanded(log) => write!(
                 f,
                 "the torque of {log} is what was commanded, kp (q_des - q) - kd dq, to the last digit: record what the motors report (tau_est)"

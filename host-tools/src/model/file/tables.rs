@@ -172,6 +172,9 @@ pub(super) struct EffectTable {
     #[serde(default)]
     pub(super) parameters: BTreeMap<String, ParameterEntry>,
     pub(super) prior: Option<PriorEntry>,
+    /// What each witness measured of the first parameter.
+    #[serde(default)]
+    pub(super) measured_by: BTreeMap<String, ParameterEntry>,
     #[serde(default)]
     pub(super) just_added: bool,
     /// A formula, of which the other keys are parameters.

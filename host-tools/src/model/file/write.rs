@@ -11,7 +11,7 @@ use crate::catalogue;
 use crate::formula::{Formula, Kind, Stated};
 use crate::model::{
     BASE, Estimate, LogConventions, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance,
-    Source,
+    Source, Witness,
 };
 
 /// The file's text; `path` is where it goes, from which a URDF's path is told.
@@ -80,6 +80,7 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             }
         }
         write_more_parameters(out, e)?;
+        write_witnesses(out, e)?;
         if let Some(Prior { mean, std }) = e.prior {
             writeln!(out, "prior = {{ mean = {mean:?}, std = {std:?} }}")?;
         }
@@ -194,6 +195,22 @@ fn write_more_parameters(out: &mut String, e: &ModelEffect) -> std::fmt::Result 
         return Ok(());
     }
     writeln!(out, "parameters = {{ {} }}", entries.join(", "))
+}
+
+/// What each witness measured of the first parameter.
+fn write_witnesses(out: &mut String, e: &ModelEffect) -> std::fmt::Result {
+    let all = Witness::ALL.iter().zip(e.witnesses);
+    let entries: Vec<String> = all
+        .filter_map(|(by, own)| {
+            let Estimate { value, std } = own?;
+            let std = std.map_or(String::new(), |std| format!(", std = {std:?}"));
+            Some(format!("{} = {{ value = {value:?}{std} }}", by.key()))
+        })
+        .collect();
+    if entries.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "measured_by = {{ {} }}", entries.join(", "))
 }
 
 fn write_feet_and_imu(out: &mut String, model: &Model) -> std::fmt::Result {

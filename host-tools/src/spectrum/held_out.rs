@@ -1,0 +1,77 @@
+//! Errors of what a fit has not used: of each point by the others, of few points of each line by the others.
+
+use nalgebra::DMatrix;
+
+use super::fit::{FIRST_ERROR, Group, LEAST_KNOWN, Problem};
+use super::flexible::At;
+use super::layout::Layout;
+use super::linear::{damped, stacked};
+
+impl Problem<'_> {
+    /// Log magnitude errors of each point by a fit without it; of one point, of each stretch of lines or block.
+    pub(super) fn held_out(
+        &self,
+        layout: &Layout,
+        x: &[f64],
+        groups: &[(usize, Group)],
+        factors: &[DMatrix<f64>],
+        prior: &DMatrix<f64>,
+    ) -> Option<Vec<f64>> {
+        let by_point = self.points.len() > 2;
+        let folds = if by_point { self.points.len() } else { 1 };
+        let mut errors = Vec::new();
+        if by_point {
+            for point in 0..folds {
+                let others = (factors.iter().zip(groups))
+                    .filter(|(_, (own, _))| *own != point)
+                    .map(|(factor, _)| factor);
+                let step = damped(&stacked(others, prior), 0.0);
+                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                errors.extend(self.point_errors(point, 0..self.used, layout, &without)?);
+            }
+            return Some(errors);
+        }
+        // Every fourth line in turn: neighbours of a sharp resonance stay in.
+        const FOLDS: usize = 4;
+        for point in 0..self.points.len() {
+            for fold in 0..FOLDS {
+                let mut kept = Vec::new();
+                for other in 0..self.points.len() {
+                    let model = self.model(other, layout, x)?;
+                    for line in (0..self.used).filter(|l| other != point || l % FOLDS != fold) {
+                        kept.push(self.rows(other, None, line..line + 1, &model, FIRST_ERROR));
+                    }
+                }
+                let step = damped(&stacked(kept.iter(), prior), 0.0);
+                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                for line in (fold..self.used).step_by(FOLDS) {
+                    errors.extend(self.point_errors(point, line..line + 1, layout, &without)?);
+                }
+            }
+        }
+        Some(errors)
+    }
+
+    /// Log magnitude errors of a point's mean at some lines.
+    fn point_errors(
+        &self,
+        point: usize,
+        lines: std::ops::Range<usize>,
+        layout: &Layout,
+        x: &[f64],
+    ) -> Option<Vec<f64>> {
+        let own = self.points[point];
+        let at = At::new(&self.plants[point], layout, x);
+        let mut errors = Vec::new();
+        for line in lines {
+            let model = at.response(self.omega[line], self.dt)?;
+            for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
+                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln().re;
+                if self.relative_variance(own, line, i, j) < LEAST_KNOWN && error.is_finite() {
+                    errors.push(error);
+                }
+            }
+        }
+        Some(errors)
+    }
+}
