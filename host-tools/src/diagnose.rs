@@ -285,12 +285,12 @@ pub struct JointError {
 /// # Errors
 /// [`RecordingError`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
-    judge(recording, model, Reach::default(), &[])
+    judge(recording, model, Scope::default(), &[])
 }
 
 /// How far a diagnosis goes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Reach {
+pub struct Scope {
     /// Legs are judged by their swing also where the base may move.
     pub swing: bool,
     /// No formula is sought where the catalogue leaves structure.
@@ -306,10 +306,10 @@ pub fn diagnose_by(
     recording: &Recording,
     model: &Model,
     readings: &[Mismatch],
-    reach: Reach,
+    scope: Scope,
 ) -> Result<Diagnosis, RecordingError> {
     let causes: Vec<EffectKind> = readings.iter().filter_map(|r| r.kind.cause()).collect();
-    let mut diagnosis = judge(recording, model, reach, &causes)?;
+    let mut diagnosis = judge(recording, model, scope, &causes)?;
     let bodies = readings.iter().filter(|r| r.kind.is_a_body());
     let bodies = bodies.map(ToString::to_string);
     diagnosis.bodies.splice(0..0, bodies);
@@ -319,7 +319,7 @@ pub fn diagnose_by(
 fn judge(
     recording: &Recording,
     model: &Model,
-    reach: Reach,
+    scope: Scope,
     causes: &[EffectKind],
 ) -> Result<Diagnosis, RecordingError> {
     let too_short = || RecordingError::too_short(recording, LEAST_HELD_OUT);
@@ -338,7 +338,7 @@ fn judge(
         return Err(RecordingError::at_rest(recording));
     }
     let stands = |foot: &Option<LeftOut>| foot.as_ref().is_some_and(|foot| foot.too_little_swing);
-    let base_moves = !reach.swing && feet.iter().flatten().count() > 1;
+    let base_moves = !scope.swing && feet.iter().flatten().count() > 1;
     let hangs = |&n: &usize| !base_moves && !stands(&feet[n]);
     let judged: Vec<usize> = (0..all.len()).filter(hangs).collect();
     // Then velocities: what positions tell comes before what torques do.
@@ -397,7 +397,7 @@ fn judge(
     };
     diagnosed.load_changes = diagnosed.load_changes();
     let outside = diagnosed.outside();
-    let joints = match reach.catalogue_only {
+    let joints = match scope.catalogue_only {
         true => Vec::new(),
         false => diagnosed.unresolved(&outside),
     };

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use proprio_host::command::result::{self, judged};
 use proprio_host::compare::{self as room, ValuesFrom, own_rate};
-use proprio_host::diagnose::{self as diagnosis, Reach, diagnose_by};
+use proprio_host::diagnose::{self as diagnosis, Scope, diagnose_by};
 use proprio_host::estimate::{ParameterEstimate, Status};
 use proprio_host::identify::{FitOptions, identify_recording};
 use proprio_host::model::Provenance;
@@ -312,7 +312,7 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Error
     if wrong.iter().any(|wrong| wrong.kind.refuses()) {
         return Err(Error::Mismatch(said.collect()));
     }
-    let told = diagnose_by(&recording.room, &model.0, &wrong, Reach::default());
+    let told = diagnose_by(&recording.room, &model.0, &wrong, Scope::default());
     let mut told = told.map_err(error::recording)?;
     told.warnings.extend(said);
     let mut with = model.0.clone();

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use crate::advise::closing;
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
-use crate::diagnose::{Diagnosis, FreeBaseDiagnosis, Reach, Rung, diagnose_by, diagnose_free_base};
+use crate::diagnose::{Diagnosis, FreeBaseDiagnosis, Rung, Scope, diagnose_by, diagnose_free_base};
 use crate::free_base::has_imu;
 use crate::identify::model_fit::{FitOptions, fit_model};
 use crate::model::{Model, Provenance, Robot};
@@ -98,13 +98,13 @@ impl Diagnose {
             });
         }
         let underway = Underway::new("Trying the catalogue");
-        let reach = Reach {
+        let scope = Scope {
             swing: self.anyway,
             catalogue_only: self.catalogue_only,
         };
         // Whoever goes on anyway does not believe the readings.
         let readings = if self.anyway { &[][..] } else { &wrong };
-        let mut diagnosis = diagnose_by(&recording, &model, readings, reach)?;
+        let mut diagnosis = diagnose_by(&recording, &model, readings, scope)?;
         drop(underway);
         diagnosis
             .warnings

@@ -135,13 +135,13 @@ fn tried_shapes(
         }
         Grid::Gaps | Grid::Resonances => values_to_try(data, model, place),
         _ => {
-            let reach = Reach::of(data, joint, least_displacement_of(data, place));
-            values(grid, &reach).unwrap_or_default()
+            let range = MotionRange::of(data, joint, least_displacement_of(data, place));
+            values(grid, &range).unwrap_or_default()
         }
     }
 }
 
-impl Reach {
+impl MotionRange {
     /// Of a joint of a limb.
     pub(crate) fn of(data: &LimbData, joint: usize, least_displacement: f64) -> Self {
         let trajectory = &data.motion.joint[joint];
@@ -179,7 +179,7 @@ pub(super) fn gear(data: &LimbData, joint: usize) -> f64 {
 }
 
 /// What of a joint's motion a grid is made of.
-pub(crate) struct Reach {
+pub(crate) struct MotionRange {
     /// Gear ratio.
     pub(crate) gear: f64,
     /// The least and the greatest position, rad.
@@ -194,9 +194,9 @@ pub(crate) struct Reach {
 }
 
 /// The values of a grid where a joint moves so; `None` of one that depends on its torque.
-pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
+pub(crate) fn values(grid: Grid, range: &MotionRange) -> Option<Vec<f64>> {
     let speeds = |first: f64| (0..SPEEDS as i32).map(move |k| first * FASTER.powi(k));
-    let [from, to] = reach.positions;
+    let [from, to] = range.positions;
     let travel = to - from;
     let within = |least: f64, most: f64, count: usize| {
         // No shape at the ends: there one side of it has no data.
@@ -204,16 +204,16 @@ pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
         (1..=count).map(|k| least + step * k as f64).collect()
     };
     Some(match grid {
-        Grid::Harmonics => (1..=MULTIPLES).map(|k| k as f64 * reach.gear).collect(),
+        Grid::Harmonics => (1..=MULTIPLES).map(|k| k as f64 * range.gear).collect(),
         Grid::Displacements => {
-            let least = reach.least_displacement;
+            let least = range.least_displacement;
             geometric(least, (FARTHEST * travel).max(least), DISPLACEMENTS)
         }
-        Grid::SpeedsOfMotion => speeds(reach.fastest * SLOWEST).collect(),
-        Grid::SpeedsAboveNoise => speeds(reach.speed_noise).collect(),
+        Grid::SpeedsOfMotion => speeds(range.fastest * SLOWEST).collect(),
+        Grid::SpeedsAboveNoise => speeds(range.speed_noise).collect(),
         Grid::Values { least, most, count } => geometric(least, most, count),
         Grid::Positions => within(from, to, PLACES),
-        Grid::Times => within(reach.times[0], reach.times[1], PLACES),
+        Grid::Times => within(range.times[0], range.times[1], PLACES),
         Grid::Evenly { least, most, count } => within(least, most, count),
         Grid::Frequencies => (1..=FREQUENCIES)
             .map(|k| k as f64 * SPACING / travel.max(f64::MIN_POSITIVE))

@@ -20,7 +20,7 @@ use super::criteria::sum_and_error;
 use crate::equation::dot::dot;
 use crate::equation::joint_states::States;
 use crate::estimate::fit::LimbFit;
-use crate::estimate::grid::{Reach, values};
+use crate::estimate::grid::{MotionRange, values};
 use crate::estimate::shapes::orthonormal;
 use crate::formula::Names;
 use crate::formula::grammar::{Border, CARRIERS, Factor, Term, terms};
@@ -100,12 +100,12 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> O
         joints: &joints,
         own: joint,
     };
-    let reach = Reach::of(fit.data, joint, 0.0);
-    let [from, to] = reach.positions;
+    let range = MotionRange::of(fit.data, joint, 0.0);
+    let [from, to] = range.positions;
     let all = terms(names, to - from);
-    let factors = residual.factors(&all, names, &reach);
+    let factors = residual.factors(&all, names, &range);
     let tried: Vec<Tried> = by_number(0..all.len(), |n| {
-        residual.tried(n, &all[n], &factors, &reach)
+        residual.tried(n, &all[n], &factors, &range)
     })
     .into_iter()
     .flatten()
@@ -153,7 +153,7 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> O
     let chosen = rivals.first()?;
     let chance = chance(&tried, chosen.fall, alarm)?;
     let term = &all[chosen.term];
-    let shape = residual.refined(term, chosen, &factors, &reach);
+    let shape = residual.refined(term, chosen, &factors, &range);
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
     Some(Pick {
         text: term.text(),
@@ -325,10 +325,10 @@ impl Residual {
     }
 
     /// The factors of all terms with all their shapes, each once: carriers share them.
-    fn factors<'n>(&self, all: &[Term], names: Names<'n>, reach: &Reach) -> Factors<'n> {
+    fn factors<'n>(&self, all: &[Term], names: Names<'n>, range: &MotionRange) -> Factors<'n> {
         let mut asked: BTreeMap<(&str, u64), f64> = BTreeMap::new();
         for term in all {
-            for shape in shapes(term, reach) {
+            for shape in shapes(term, range) {
                 for text in &term.factors {
                     asked.insert((text, key(shape)), shape.unwrap_or(1.0));
                 }
@@ -370,9 +370,9 @@ impl Residual {
     }
 
     /// A term with each value of its parameter.
-    fn tried(&self, n: usize, term: &Term, factors: &Factors, reach: &Reach) -> Vec<Tried> {
+    fn tried(&self, n: usize, term: &Term, factors: &Factors, range: &MotionRange) -> Vec<Tried> {
         let of = |shape: Option<f64>| self.beside(n, term, shape, factors);
-        shapes(term, reach).into_iter().filter_map(of).collect()
+        shapes(term, range).into_iter().filter_map(of).collect()
     }
 
     /// A term of this shape beside the model.
@@ -479,8 +479,14 @@ impl Residual {
     }
 
     /// The shape between the neighbours of the best of a grid that explains most.
-    fn refined(&self, term: &Term, best: &Tried, factors: &Factors, reach: &Reach) -> Option<f64> {
-        let grid = values(term.grid?, reach)?;
+    fn refined(
+        &self,
+        term: &Term,
+        best: &Tried,
+        factors: &Factors,
+        range: &MotionRange,
+    ) -> Option<f64> {
+        let grid = values(term.grid?, range)?;
         let (mut shape, mut most) = (best.shape?, best.fall);
         let at = grid.iter().position(|value| *value == shape)?;
         let neighbour = grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?))?;
@@ -528,10 +534,10 @@ impl Residual {
 }
 
 /// The values of a term's parameter that are tried.
-fn shapes(term: &Term, reach: &Reach) -> Vec<Option<f64>> {
+fn shapes(term: &Term, range: &MotionRange) -> Vec<Option<f64>> {
     match term.grid {
         None => vec![None],
-        Some(grid) => (values(grid, reach).unwrap_or_default().into_iter())
+        Some(grid) => (values(grid, range).unwrap_or_default().into_iter())
             .map(Some)
             .collect(),
     }

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
 
-use crate::estimate::grid::{Reach, least_displacement, possible, shape_parameter, values};
+use crate::estimate::grid::{MotionRange, least_displacement, possible, shape_parameter, values};
 use crate::free_base::Walks;
 use crate::free_base::columns::EffectSite;
 use crate::free_base::data::{Data, LeftOfWindow};
@@ -108,7 +108,7 @@ impl Scan<'_> {
         };
         let period = most(&|walk| walk.period);
         let lower = effect.description().parameters[shape_parameter(effect)].lower;
-        let reach = Reach {
+        let range = MotionRange {
             gear: self.walks.robot.gears[joint],
             positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
             times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
@@ -117,7 +117,7 @@ impl Scan<'_> {
             speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
         };
         let searched = effect.description().searched();
-        let all = searched.and_then(|(_, grid)| values(grid, &reach));
+        let all = searched.and_then(|(_, grid)| values(grid, &range));
         let all = all.into_iter().flatten();
         all.map(|shape| possible(effect, shape)).collect()
     }
