@@ -118,6 +118,54 @@ fn of_three_models(folder: &Path, log: &str, bare: Option<&str>) -> [Said; 3] {
     said
 }
 
+/// Rows of a walk are the same for every command, whichever effects it asks about: so are what models without any value fitted leave of them.
+#[test]
+fn commands_agree_on_a_walk() {
+    let folder = folder();
+    let folder = folder.path();
+    let simulate = ["simulate", "--walk", "trot", "--typical", "--seed", "3"];
+    let made = [
+        "--inertia-error",
+        "0.03",
+        "--duration",
+        "8",
+        "-o",
+        "walk.csv",
+    ];
+    done(folder, &[simulate, made].concat());
+    let walk = ["--free-base", "walk.csv"];
+    done(
+        folder,
+        &[&["identify"][..], &walk, &["-o", "found.toml"]].concat(),
+    );
+    for model in [None, Some("found.toml")] {
+        let file: Vec<&str> = model.iter().flat_map(|file| ["-m", *file]).collect();
+        let say = |command: &str, more: &[&str]| {
+            let arguments = [&[command][..], &walk, &["--json"], &file, more].concat();
+            json(&done(folder, &arguments))
+        };
+        let compare = say("compare", &["--given"]);
+        for (command, other) in [
+            ("diagnose", say("diagnose", &[])),
+            ("identify", say("identify", &[])),
+        ] {
+            let number = |of: &Value, key: &str| {
+                let found = of[key].as_f64();
+                found.unwrap_or_else(|| panic!("{command} {model:?}: {key}"))
+            };
+            for key in ["zero_rms", "cad_rms", "given_rms"] {
+                let [x, y] = [&compare, &other].map(|of| number(of, key));
+                assert!(
+                    (x - y).abs() <= 1e-9,
+                    "{command} {model:?}: {key}: {x}, {y}"
+                );
+            }
+            let [x, y] = [&compare, &other].map(|of| number(&of["error"], "before"));
+            assert!((x - y).abs() <= 1e-9, "{command} {model:?}: {x}, {y}");
+        }
+    }
+}
+
 #[test]
 fn commands_agree_on_a_leg_that_hides_a_spring() {
     let folder = simulated("--legs FR --typical --hide spring:FR_thigh=4");
