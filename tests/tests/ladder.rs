@@ -118,7 +118,7 @@ fn of_three_models(folder: &Path, log: &str, bare: Option<&str>) -> [Said; 3] {
     said
 }
 
-/// Rows of a walk are the same for every command, whichever effects it asks about: so are what models without any value fitted leave of them.
+/// `compare` and `diagnose` have the same rows of a walk: what models without any value fitted leave of them is the same.
 #[test]
 fn commands_agree_on_a_walk() {
     let folder = folder();
@@ -132,37 +132,25 @@ fn commands_agree_on_a_walk() {
         "-o",
         "walk.csv",
     ];
-    done(folder, &[simulate, made].concat());
+    done(folder, &[&simulate[..], &made].concat());
     let walk = ["--free-base", "walk.csv"];
-    done(
-        folder,
-        &[&["identify"][..], &walk, &["-o", "found.toml"]].concat(),
-    );
+    let found = [&["identify"], &walk[..], &["-o", "found.toml"]].concat();
+    done(folder, &found);
     for model in [None, Some("found.toml")] {
         let file: Vec<&str> = model.iter().flat_map(|file| ["-m", *file]).collect();
-        let say = |command: &str, more: &[&str]| {
-            let arguments = [&[command][..], &walk, &["--json"], &file, more].concat();
+        let say = |command: &[&str]| {
+            let arguments = [command, &walk, &["--json"], &file].concat();
             json(&done(folder, &arguments))
         };
-        let compare = say("compare", &["--given"]);
-        for (command, other) in [
-            ("diagnose", say("diagnose", &[])),
-            ("identify", say("identify", &[])),
-        ] {
-            let number = |of: &Value, key: &str| {
-                let found = of[key].as_f64();
-                found.unwrap_or_else(|| panic!("{command} {model:?}: {key}"))
-            };
-            for key in ["zero_rms", "cad_rms", "given_rms"] {
-                let [x, y] = [&compare, &other].map(|of| number(of, key));
-                assert!(
-                    (x - y).abs() <= 1e-9,
-                    "{command} {model:?}: {key}: {x}, {y}"
-                );
-            }
-            let [x, y] = [&compare, &other].map(|of| number(&of["error"], "before"));
-            assert!((x - y).abs() <= 1e-9, "{command} {model:?}: {x}, {y}");
+        let said = [say(&["compare", "--given"]), say(&["diagnose"])];
+        let same = |of: &dyn Fn(&Value) -> Value| {
+            let [x, y] = said.each_ref().map(|said| of(said).as_f64().unwrap());
+            assert!((x - y).abs() <= 1e-9, "{model:?}: {x}, {y}");
+        };
+        for key in ["zero_rms", "cad_rms", "given_rms"] {
+            same(&|said| said[key].clone());
         }
+        same(&|said| said["error"]["before"].clone());
     }
 }
 

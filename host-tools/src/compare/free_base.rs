@@ -9,7 +9,6 @@ use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, rank
 use crate::detect::JointSeries;
 use crate::detect::residual;
 use crate::equation::free_tree::OF_BASE;
-use crate::equation::values::Place;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::doubtful;
@@ -89,14 +88,11 @@ pub fn compare_free_base_without(
     let before = asked.before.as_ref();
     let before = before.map(|model| Ok::<_, FreeBaseError>((model, ModelStructure::of(model)?)));
     let before = before.transpose()?;
-    let walks = Walks::read(logs, (model, &structure.robot), progress)?;
+    let robot = structure.robot.clone();
+    let walks = Walks::read(logs, (model, &robot), progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
-    let of_before = |place: Place| before.as_ref().is_some_and(|(_, own)| own.has(place));
-    let (data, robot) = Data::believed(&walks, model, of_before)?;
-    let structure = ModelStructure {
-        robot: robot.clone(),
-        ..structure
-    };
+    let candidates = structure.candidates(model);
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     let judged = |model: &Model, structure: &ModelStructure| {
         if asked.fitted {
             let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;

@@ -91,8 +91,10 @@ impl Data {
         walks: &Walks,
         sites: Vec<EffectSite>,
     ) -> Result<Self, FreeBaseError> {
-        let robot = walks.robot.clone();
-        let setup = (self.setup).with_columns(WalkColumns { robot, sites }, |_| true);
+        let setup = self.setup.with_columns(WalkColumns {
+            robot: walks.robot.clone(),
+            sites,
+        });
         let (outside, readings) = (self.outside.clone(), self.readings.clone());
         Ok(Self {
             unseen: self.unseen.clone(),

@@ -8,7 +8,6 @@ use super::columns::EffectSite;
 use super::data::{Data, Readings, Sum, windows_of_all};
 use super::doubtful;
 use super::error::FreeBaseError;
-use super::legged::Legged;
 use super::outside::{self, Squares};
 use super::row_setup::RowSetup;
 use super::stance::Stance;
@@ -16,40 +15,32 @@ use super::structure::ModelStructure;
 use super::unseen;
 use super::walk::Walk;
 use super::walks::Walks;
-use crate::equation::values::Place;
-use crate::estimate::Constraint;
-use crate::model::Model;
 
 /// Fits at most that tell which windows are outside: the first is spoilt by these.
 const ROUNDS: usize = 3;
 
 impl Data {
-    /// The rows of walks, and the robot with as much of its priors as they do not refute (`doubtful`).
-    ///
-    /// They are made at the fit of all that may be told of the robot, whichever model a command judges, so that every command has the same: the bodies, the
-    /// model's effects or those of a plain drive, and whatever else it may lack. Of the latter they have the columns that are `asked` for.
+    /// The rows, and the structure with as much of its prior as they do not refute (`doubtful`).
     pub(crate) fn believed(
         walks: &Walks,
-        model: &Model,
-        asked: impl Fn(Place) -> bool + Copy,
-    ) -> Result<(Self, Arc<Legged>), FreeBaseError> {
-        let structure = ModelStructure::whole(model, Constraint::Physical)?;
-        let candidates = structure.candidates(model);
-        let data = Self::of(walks, &structure, &candidates, asked)?;
+        structure: ModelStructure,
+        candidates: &[EffectSite],
+    ) -> Result<(Self, ModelStructure), FreeBaseError> {
+        let data = Self::of(walks, &structure, candidates)?;
         match doubtful::refuted(&structure, data.columns(), data.made_at()) {
-            None => Ok((data, structure.robot)),
-            Some(open) => Ok((Self::of(walks, &open, &candidates, asked)?, open.robot)),
+            None => Ok((data, structure)),
+            Some(open) => Ok((Self::of(walks, &open, candidates)?, open)),
         }
     }
 
-    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of `structure` with all candidates
-    /// beside it that are torques of joints. Again where that fit leaves far more of some windows than of others: these spoilt it, and are left out. So
-    /// which rows there are, and what sensors get wrong, is the same whichever candidates are `asked` for.
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
+    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
+    /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that
+    /// commands that name a model's error need the same candidates.
     pub(crate) fn of(
         walks: &Walks,
         structure: &ModelStructure,
         candidates: &[EffectSite],
-        asked: impl Fn(Place) -> bool + Copy,
     ) -> Result<Self, FreeBaseError> {
         let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
         let sites = structure.effects.iter().cloned().chain(torques).collect();
@@ -88,15 +79,10 @@ impl Data {
                 break;
             }
         }
-        let own_columns = candidates.iter().filter(|site| asked(site.place)).cloned();
-        let sites = structure
-            .effects
-            .iter()
-            .cloned()
-            .chain(own_columns)
-            .collect();
-        let is_own = |place: Place| structure.has(place);
-        let setup = setup.with_columns(structure.columns_of(sites), is_own);
+        if !candidates.is_empty() {
+            let sites = structure.effects.iter().chain(candidates).cloned();
+            setup = setup.with_columns(structure.columns_of(sites.collect()));
+        }
         let readings = Readings::of(walks, windows, &setup);
         let mut data = Self::made(walks, setup, outside, readings)?;
         if data.windows.outside > 0 {

@@ -8,7 +8,6 @@ use proprio_core::inertia::INERTIAL;
 use super::columns::WalkColumns;
 use super::sensors::Sensors;
 use crate::equation::free_tree::FreeTree;
-use crate::equation::values::Place;
 use crate::estimate::bounded::body;
 
 /// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
@@ -44,19 +43,18 @@ impl RowSetup {
         }
     }
 
-    /// The same with other columns of effects, of which those that are `kept` have the values that are known, and the others none.
-    pub(super) fn with_columns(&self, columns: WalkColumns, kept: impl Fn(Place) -> bool) -> Self {
+    /// The same with other columns of effects, none of which has a value beyond those that are known.
+    pub(super) fn with_columns(&self, columns: WalkColumns) -> Self {
         let mut theta = DVector::zeros(columns.len());
         let fixed = columns.fixed();
         theta
             .rows_mut(0, fixed)
             .copy_from(&self.theta.rows(0, fixed));
         for (k, n, linear) in columns.effects() {
-            let place = columns.sites[n].place;
             let known = self.columns.effects().find(|(_, own, known)| {
-                self.columns.sites[*own].place == place && known.parameter == linear.parameter
+                self.columns.sites[*own].place == columns.sites[n].place
+                    && known.parameter == linear.parameter
             });
-            let known = known.filter(|_| kept(place));
             theta[k] = known.map_or(0.0, |(k, ..)| self.theta[k]);
         }
         Self::at(Arc::new(columns), theta)

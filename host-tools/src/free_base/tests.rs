@@ -339,7 +339,7 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     let mut walks = trot();
     let structure = whole();
     let unseen = |walks: &Walks| {
-        let data = Data::of(walks, &structure, &[], |_| false).unwrap();
+        let data = Data::of(walks, &structure, &[]).unwrap();
         (data.unseen.clone(), data.warnings())
     };
     assert_eq!(unseen(&walks).0, []);

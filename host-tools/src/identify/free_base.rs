@@ -41,8 +41,7 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
-    let (data, robot) = Data::believed(&walks, model, |_| false)?;
-    let structure = ModelStructure { robot, ..structure };
+    let (data, structure) = Data::believed(&walks, structure, &[])?;
     FreeBaseIdentification::of(logs, (walks, model), &data, &structure)
         .ok_or(FreeBaseError::Unsolvable)
 }

@@ -70,8 +70,8 @@ pub fn diagnose_free_base(
 ) -> Result<FreeBaseDiagnosis, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
-    let (data, robot) = Data::believed(&walks, model, |_| true)?;
-    let structure = ModelStructure { robot, ..structure };
+    let candidates = structure.candidates(model);
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     if !data.can_hold_out() {
         return Err(FreeBaseError::TooShort);
     }
