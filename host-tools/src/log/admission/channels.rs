@@ -38,6 +38,8 @@ const LEAP_ROWS: usize = 2;
 /// Of the largest values ahead so many may be of other leaps, and of the rows beside each: of three, as a recorder that damages one value in twenty
 /// has them.
 const OTHER_LEAPS: usize = 10;
+/// Fewer rows are ahead where a log ends: no more than one in so many, or what is usual would be the least of its noise.
+const OTHER_ROWS: usize = 6;
 /// A velocity that differs from that of the positions by so many times what nine tenths of the rows ahead differ by is not theirs.
 const NOT_THEIRS: f64 = 10.0;
 
@@ -176,7 +178,8 @@ impl Level {
             let second = |n: usize| (at(n + 1) - 0.5 * (at(n) + at(n + 2))).abs();
             let mut usual: Vec<f64> = rows.clone().map(second).collect();
             usual.sort_by(|a, b| b.total_cmp(a));
-            let usual = usual.get(OTHER_LEAPS).copied().unwrap_or(f64::INFINITY);
+            let others = OTHER_LEAPS.min(usual.len() / OTHER_ROWS);
+            let usual = usual.get(others).copied().unwrap_or(f64::INFINITY);
             let velocity = |n: usize| ahead[n].values[dq];
             let changes = rows.map(|n| (velocity(n + 2) - velocity(n)).abs());
             let change = (velocity(back) - before[dq]).abs();

@@ -143,7 +143,7 @@ format = 1
 builtin = \"go2\"
 
 [base]
-mount = \"pinned\"
+mount = \"fixed\"
 rpy = [0.0, 0.0, 0.0]
 
 [prior]
@@ -264,7 +264,7 @@ fn the_robot_and_its_base_are_checked() {
     assert!(refused(robot, "builtin = \"go1\"").contains("no built-in robot `go1`; there is go2"));
     assert!(refused(robot, "").contains("either `builtin` or `urdf`"));
     assert!(refused(robot, "urdf = \"absent.urdf\"").contains("absent.urdf: cannot read"));
-    assert!(refused("pinned", "floating").contains("unknown variant `floating`"));
+    assert!(refused("\"fixed\"", "\"floating\"").contains("unknown variant `floating`"));
     assert!(refused("rpy = [0.0, 0.0, 0.0]", "quaternion = [1, 0, 0, 1]").contains("of length 1"));
 }
 
