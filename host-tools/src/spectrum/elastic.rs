@@ -10,7 +10,7 @@ use crate::model::{JointQuantity, Model};
 use crate::recording::Recording;
 
 /// Responses of a robot without springs miss by this at least, in natural logarithms of magnitude: 40 %. Simulated arms excited to 55 Hz miss by 0.50 to
-/// 0.93 with antiresonances from 12 to 46 Hz, and stiff ones, of which `diagnose` names what is missing, by 0.13 to 0.15.
+/// 0.93 with antiresonances from 14 to 46 Hz, and stiff ones, of which `diagnose` names what is missing, by 0.13 to 0.15.
 const RIGID_MISSES: f64 = 0.35;
 /// Springs leave no more than this share of that: of the same soft arms 0.08 to 0.35, with friction in the model or without.
 const SPRINGS_LEAVE: f64 = 0.5;
