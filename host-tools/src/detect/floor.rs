@@ -2,7 +2,8 @@
 //!
 //! What a model leaves is noise and what the model lacks. To have the noise alone, each joint's torque is regressed on all that the motion offers: the
 //! columns of the rigid body and of a plain drive, and a black box's of the joint's own motion and memory. Neither knows a model's effects or values. Of
-//! what that leaves, differences of neighbouring windows or of repeated periods tell the noise ([`super::residual::NoiseFloor`]).
+//! what that leaves, waves of position are taken away as well (ripple, teeth, friction that comes and goes with position). The rest is noise where it
+//! repeats in no period of the motion and no window follows from its neighbours ([`super::residual::NoiseFloor`]).
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::effect::EffectKind;
@@ -10,6 +11,7 @@ use proprio_core::effect::EffectKind;
 use super::black_box::probes;
 use super::residual::{NoiseFloor, noise_floor};
 use super::series::JointSeries;
+use super::waves;
 use crate::equation::values::{Place, Values};
 use crate::estimate::limb_data::LimbData;
 use crate::parallel::by_number;
@@ -23,6 +25,9 @@ const SPIKE: f64 = 5.0;
 const LEAST: usize = 2;
 /// Times that spikes are looked for: the first regression follows them in part.
 const ROUNDS: usize = 3;
+
+/// Waves of position that are taken away from a joint at most, each with its two phases.
+const WAVES: usize = 6;
 
 /// The noise of each of a limb's joints, whose rigid body as the CAD has it predicts so, N m; none for too few windows.
 pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
@@ -39,12 +44,10 @@ pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
         let windows: Vec<usize> = (0..data.motion.windows.len())
             .filter(|&w| data.counts(w, joint))
             .collect();
-        let probes = probes::of_joint(&data, cad, joint, &windows);
-        let width = rows.row(0, joint).len();
+        let width = rows.row(*windows.first()?, joint).len();
+        let fit = |columns: usize| windows.len() >= LEAST * (width + columns);
+        let probes = probes::of_joint(&data, cad, joint, &windows, fit)?;
         let count = width + probes.first()?.len();
-        if windows.len() < LEAST * count {
-            return None;
-        }
         let mut x = DMatrix::from_fn(windows.len(), count, |k, c| match c.checked_sub(width) {
             None => rows.row(windows[k], joint)[c],
             Some(c) => probes[k][c],
@@ -53,8 +56,24 @@ pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
             let size = column.norm() / (windows.len() as f64).sqrt();
             column /= size.max(f64::MIN_POSITIVE);
         }
+        let y = DVector::from_column_slice(&series[joint].tau);
+        let mut left = noise(&x, &y)?;
+        for n in 1..=WAVES {
+            if windows.len() < LEAST * (count + 2 * n) {
+                break;
+            }
+            let Some(wave) = waves::strongest(&data, joint, &windows, &left) else {
+                break;
+            };
+            for phase in wave {
+                let last = x.ncols();
+                x = x.insert_column(last, 0.0);
+                x.set_column(last, &DVector::from_vec(phase));
+            }
+            left = noise(&x, &y)?;
+        }
         let own = JointSeries {
-            residual: noise(&x, &series[joint].tau)?,
+            residual: left,
             ..series[joint].clone()
         };
         noise_floor(&own.view())
@@ -63,16 +82,15 @@ pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
 }
 
 /// What a regression on `x` leaves of y, of the size of its noise; nothing at spikes, which the others make up for.
-fn noise(x: &DMatrix<f64>, y: &[f64]) -> Option<Vec<f64>> {
-    let y = DVector::from_column_slice(y);
+fn noise(x: &DMatrix<f64>, y: &DVector<f64>) -> Option<Vec<f64>> {
     let (count, columns) = (y.len(), x.ncols());
     // The product is blocked, that with a transposed view is not.
     let mut products = x.transpose() * x;
     (0..columns).for_each(|k| products[(k, k)] += SHRINKAGE * count as f64);
-    let mut moments = x.tr_mul(&y);
+    let mut moments = x.tr_mul(y);
     let mut spikes: Vec<usize> = Vec::new();
     for round in 1.. {
-        let left = &y - x * products.clone().cholesky()?.solve(&moments);
+        let left = y - x * products.clone().cholesky()?.solve(&moments);
         let kept = (0..count).filter(|k| spikes.binary_search(k).is_err());
         let scale = robust::scale(kept.map(|k| left[k]))?;
         let next: Vec<usize> = (0..count)

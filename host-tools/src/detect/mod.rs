@@ -16,6 +16,7 @@
 //! - `series`: a joint's windows as series: what was measured, what a model says, and what the joint did meanwhile
 //! - `twist`: what a second encoder, at the link, shows of a gear: how far link and motor turn against each other under the torque between
 //!   them
+//! - `waves`: what of a series is a wave of a joint's position, whatever its length
 
 pub mod black_box;
 pub(crate) mod bodies;
@@ -30,5 +31,6 @@ pub mod regime;
 pub mod residual;
 pub(crate) mod series;
 pub(crate) mod twist;
+pub(crate) mod waves;
 
 pub use series::JointSeries;

@@ -5,6 +5,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use proprio_core::effect::JointState;
+
 use super::folds::Blocks;
 use super::local_line::{REACH, around, local_line};
 use super::presliding::Way;
@@ -65,6 +67,17 @@ pub(crate) struct Window {
 pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
 impl Motion {
+    /// The sign of a joint's velocity at sample k, as dry friction has it ([`JointState::sign`]), −1 to 1.
+    pub(crate) fn sign(&self, k: usize, joint: usize) -> f64 {
+        let own = &self.joint[joint];
+        let state = JointState {
+            speed: own.speed[k],
+            speed_noise: own.speed_noise,
+            ..JointState::reported(0.0, 0.0, 0.0)
+        };
+        state.sign()
+    }
+
     /// A limb's motion by its recording; `velocity_gain` is each joint's reported velocity over the true one.
     pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
         let n = recording.joints;

@@ -10,8 +10,6 @@ const OWN_BENDS: [f64; 6] = [0.05, 0.2, 0.4, 0.6, 0.8, 0.95];
 const OTHER_BENDS: [f64; 2] = [0.25, 0.75];
 /// Windows ago that a box with a memory looks at.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
-/// A direction of motion is one from this share of the usual speed on.
-const SLOW: f64 = 0.05;
 /// Displacements over which something may have a memory, shares of the root mean square of a joint's position about its mean.
 const MEMORIES: [f64; 3] = [0.01, 0.05, 0.2];
 
@@ -32,7 +30,9 @@ struct Course {
     ddq: Vec<f64>,
     /// What the model predicts.
     torque: Vec<f64>,
-    /// The direction of motion, −1 to 1.
+    /// The size of that, of unit mean square.
+    load: Vec<f64>,
+    /// Mean sign of the velocity, as dry friction has it, −1 to 1.
     direction: Vec<f64>,
 }
 
@@ -46,22 +46,16 @@ impl Course {
             };
             scaled(data.motion.windows.iter().map(mean).collect())
         };
-        let torque = predicted.iter().skip(joint).step_by(n).copied();
-        let mean_speed = |window| {
-            data.motion
-                .mean(window, |k| data.motion.joint[joint].state[k][1])
-        };
-        let speeds: Vec<f64> = data.motion.windows.iter().map(mean_speed).collect();
-        let usual = root_mean_square(&speeds).max(f64::MIN_POSITIVE);
+        let torque: Vec<f64> = predicted.iter().skip(joint).step_by(n).copied().collect();
+        let usual = root_mean_square(&torque).max(f64::MIN_POSITIVE);
+        let sign = |window| (data.motion).mean(window, |k| data.motion.sign(k, joint));
         Self {
             q: state(0),
             dq: state(1),
             ddq: state(2),
-            torque: scaled(torque.collect()),
-            direction: speeds
-                .iter()
-                .map(|dq| (dq / (SLOW * usual)).tanh())
-                .collect(),
+            load: torque.iter().map(|torque| torque.abs() / usual).collect(),
+            torque: scaled(torque),
+            direction: data.motion.windows.iter().map(sign).collect(),
         }
     }
 
@@ -106,23 +100,29 @@ pub(super) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Probes {
     }
 }
 
-/// A joint's own motion and its memory, in these windows: a constant first, then numbers of mean zero and unit variance. With fewer bends, for a
-/// regression that is to be quick.
+/// A joint's own motion, its memory and what changes with time, in these windows: a constant first, then numbers of mean zero and unit variance. As many as `fit` windows of
+/// this count: functions bend more often or less.
 pub(in crate::detect) fn of_joint(
     data: &LimbData,
     predicted: &[f64],
     joint: usize,
     windows: &[usize],
-) -> Vec<Vec<f64>> {
+    fit: impl Fn(usize) -> bool,
+) -> Option<Vec<Vec<f64>>> {
     let own = Course::of(data, predicted, joint);
-    // Friction that depends on position jumps where the motion turns: left in, it is taken for noise.
-    let friction =
-        (bent(&own.q, &OTHER_BENDS).into_iter().skip(1)).map(|q| product(&own.direction, &q));
-    let columns: Vec<_> = (own_motion(&own, &OTHER_BENDS).into_iter())
-        .chain(friction)
-        .chain(memory(&own, &runs(data)))
+    let time: Vec<f64> = (data.motion.windows.iter())
+        .map(|window| window.t)
         .collect();
-    rows(&columns, windows)
+    let of = |bends: &[f64]| -> Vec<_> {
+        // Friction that changes jumps where the motion turns, all the time.
+        let aging = bent(&scaled(time.clone()), bends);
+        let aging = aging.iter().map(|t| product(&own.direction, t));
+        let motion = own_motion(&own, bends).into_iter().chain(aging);
+        motion.chain(memory(&own, &runs(data))).collect()
+    };
+    let bends = [&OWN_BENDS[..], &OTHER_BENDS].into_iter();
+    let columns = bends.map(of).find(|columns| fit(columns.len()));
+    Some(rows(&columns?, windows))
 }
 
 /// Columns of all windows as rows of some, scaled there.
@@ -144,13 +144,11 @@ fn own_motion(own: &Course, bends: &[f64]) -> Vec<Vec<f64>> {
         columns.extend(bent(x, bends));
     }
     columns.push(own.direction.clone());
-    for x in [&own.q, &own.dq, &own.ddq] {
+    // Friction that depends on position jumps where the motion turns: left in, it is taken for noise.
+    for x in bent(&own.q, bends).iter().chain([&own.dq, &own.ddq]) {
         columns.push(product(&own.direction, x));
     }
-    columns.push(product(
-        &own.direction,
-        &own.torque.iter().map(|x| x.abs()).collect::<Vec<_>>(),
-    ));
+    columns.push(product(&own.direction, &own.load));
     columns.push(product(&own.q, &own.dq));
     columns.push(product(&own.q, &own.torque));
     columns.push(product(&own.dq, &own.torque));
@@ -173,11 +171,15 @@ fn ago(own: &Course, runs: &[Range<usize>]) -> Vec<Vec<f64>> {
     columns
 }
 
-/// How fast and how much more the model's torque changes, and where the joint's displacement was held by bristles of several lengths (Dahl's, in the
-/// limit of a sharp bend).
+/// How fast and how much more the parts of a torque change that may be late (the model's torque, the rotor's, dry friction), and where the joint's
+/// displacement was held by bristles of several lengths (Dahl's, in the limit of a sharp bend).
 fn memory(own: &Course, runs: &[Range<usize>]) -> Vec<Vec<f64>> {
-    let slope = change(&own.torque, runs);
-    let bend = change(&slope, runs);
+    let changes = [&own.torque, &own.ddq, &own.direction]
+        .into_iter()
+        .flat_map(|x| {
+            let slope = change(x, runs);
+            [change(&slope, runs), slope]
+        });
     let bends = MEMORIES.map(|length| {
         let mut column = vec![0.0; own.q.len()];
         for run in runs {
@@ -187,7 +189,7 @@ fn memory(own: &Course, runs: &[Range<usize>]) -> Vec<Vec<f64>> {
         }
         column
     });
-    [slope, bend].into_iter().chain(bends).collect()
+    changes.chain(bends).collect()
 }
 
 /// Windows that follow each other without a gap.

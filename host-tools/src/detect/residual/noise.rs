@@ -13,17 +13,19 @@
 //! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
 //! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
 //! standard error of γ0 is 4 %, of the mean square itself 2 %: what the mean square has above γ0 is structure only as far as it is beyond
-//! the error of that. Structure that changes within a few windows counts as noise here
-//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. A log's floor is
-//! that of what a regression on the motion leaves ([`crate::detect::floor`]).
+//! the error of that. A step, which a few second differences far beyond the others show, is not used. Other structure that changes within a
+//! few windows counts as noise here and comes and goes with the motion, which the spread over time betrays: the value is then an upper
+//! bound. A log's floor is that of what a regression on the motion leaves ([`crate::detect::floor`]).
 
 use std::fmt;
+use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::series::{Runs, Series, centred, square};
+use crate::robust;
 
 /// How a noise floor was found.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -83,6 +85,9 @@ const STRETCH: usize = 50;
 /// What the mean square has above the noise of differences is structure from so many standard deviations on, and less of it is left out the
 /// nearer it is to that.
 const SURE: f64 = 2.0;
+
+/// A second difference of so many standard deviations is a step: of normal noise, one in two million.
+const STEP: f64 = 5.0;
 
 /// Fewer windows than this say nothing of noise.
 const LEAST: usize = 100;
@@ -147,19 +152,20 @@ fn jackknife(stretches: &[Sums], estimate: impl Fn(&Sums) -> f64) -> (f64, f64) 
 
 fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     let mut stretches = vec![Sums::default(); residual.len() / STRETCH + 1];
+    let second =
+        |run: &Range<usize>| (residual[run.clone()].windows(3)).map(|w| w[0] - 2.0 * w[1] + w[2]);
+    let usual = robust::scale(runs.0.iter().flat_map(second)).unwrap_or(0.0);
+    let is_step = |d: &f64| d.abs() > STEP * usual;
     for run in &runs.0 {
-        let values = &residual[run.clone()];
-        for (k, value) in values.iter().enumerate() {
+        for (k, value) in residual[run.clone()].iter().enumerate() {
             let stretch = &mut stretches[(run.start + k) / STRETCH];
             stretch.squares[0] += value * value;
             stretch.squares[1] += 1.0;
         }
-        let d: Vec<f64> = values
-            .windows(3)
-            .map(|w| w[0] - 2.0 * w[1] + w[2])
-            .collect();
+        let d: Vec<f64> = second(run).collect();
         for lag in 0..4.min(d.len()) {
-            for (k, (a, b)) in d.iter().zip(&d[lag..]).enumerate() {
+            let pairs = d.iter().zip(&d[lag..]).enumerate();
+            for (k, (a, b)) in pairs.filter(|(_, (a, b))| !is_step(a) && !is_step(b)) {
                 let stretch = &mut stretches[(run.start + k) / STRETCH];
                 stretch.sum[lag] += a * b;
                 stretch.count[lag] += 1.0;
