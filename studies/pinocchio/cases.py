@@ -89,6 +89,39 @@ def make(robot, effects, seed, folder):
     return [names[j] for j in joints]
 
 
+def of_elastic(proprio, robot, seed):
+    """An arm with a spring in one gear: whether it is named alone, how far its stiffness is off, in standard deviations, and the size of what it does in those of a window's noise."""
+    random = np.random.default_rng([seed, 3, zlib.crc32(robot.encode())])
+    model, names, is_leg, noise, (t, q, dq, ddq), tau, drive = drawn(robot, random)
+    j = int(random.integers(0, model.nv))
+    # The motion that is drawn is the links'; the motor is ahead of its link by the torque over the stiffness.
+    rate = 1 / (t[1] - t[0])
+    ahead = [tau[:, j]]
+    for _ in range(2):
+        ahead.append(np.gradient(ahead[-1], t))
+    motor = lambda k: [of + np.eye(model.nv)[j] * by[:, None] / k for of, by in zip((q, dq, ddq), ahead)]
+    done = lambda k: rms(torque(model, *motor(k))[:, j] - tau[:, j])
+    window = noise * drive.size[j] / np.sqrt(0.02 * rate)
+    soft = 1e3 * rms(tau[:, j])
+    k = soft * done(soft) / (window * np.exp(random.uniform(np.log(0.3), np.log(10))))
+    size = done(k) / window
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        q, dq, ddq = motor(k)
+        write_log(folder / "log.csv", names, t, q, dq, tau + drive.torque(dq, ddq), random, noise, drive.size)
+        write_model(robot, folder / "model.toml")
+        found = said(proprio, folder, "diagnose", "log.csv", "-m", "model.toml")
+    line = f"{robot}, {k:.3g} N m/rad at {names[j]}, {size:.1f} times a window's noise: "
+    if "path" not in found:
+        return robot, line + "refused", (False, None, size)
+    own = [one for one in found.get("candidates", []) if one["effect"] == "elasticity" and one["joints"] == [names[j]]]
+    right, off = named(found) == [("elasticity", names[j])], None
+    if right and own:
+        told = own[0]["parameters"][0]
+        off = (told["value"] - 1 / k) / told["std"]
+    return robot, line + words(found, named(found), heavier(found)) + ("" if off is None else f"; {off:+.1f} σ"), (right, off, size)
+
+
 def diagnosed(proprio, robot, effects, seed):
     """What `diagnose` says of a robot with these effects, and where each is."""
     with tempfile.TemporaryDirectory() as folder:

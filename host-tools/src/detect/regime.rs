@@ -13,6 +13,7 @@ use crate::equation::dot::dot;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::orthonormal;
+use crate::robust;
 use crate::select::criteria::statistics::autocorrelation_time;
 use crate::table::with_std;
 
@@ -34,7 +35,7 @@ const LEAST_INSIDE: f64 = 0.02;
 const LOUDER: f64 = 2.0;
 /// Inside is at least this share of the squared error: what lives elsewhere too has no range.
 const LEAST_SHARE: f64 = 0.5;
-/// Outside, the mean square is at most so many times that of the joint's noise floor, which is known to 10 % and is of noise without a memory: more is an
+/// Outside, the usual square is at most so many times that of the joint's noise floor, which is known to 10 % and is of noise without a memory: more is an
 /// error that lives there too.
 const AT_FLOOR: f64 = 2.0;
 /// Price of an edge: its place among n windows and the energy beside it, each ½ ln n of the log-likelihood (Rissanen 1978, Automatica 14:465), twice that
@@ -458,7 +459,10 @@ impl<'a> Residual<'a> {
         let count = (range.to - range.from) as f64;
         let (own, rest) = (count * inside, (self.left.len() as f64 - count) * outside);
         let stands = own >= LEAST_SHARE * (own + rest)
-            && noise.is_none_or(|noise| outside <= AT_FLOOR * noise);
+            && match noise {
+                Some(noise) => ordered.usual_outside(range)? <= AT_FLOOR * noise,
+                None => true,
+            };
         stands.then(|| Found {
             variable,
             edges: ordered.edges(variable, range, memory),
@@ -553,6 +557,18 @@ impl<'a> Ordered<'a> {
 
     fn split(&self, range: Range) -> Option<Split> {
         self.split_by([&self.before(range.from), &self.before(range.to)])
+    }
+
+    /// The mean square outside a range by the fit of the outside, as normal residuals of this median size have it: a window that an edge cuts in two is
+    /// neither inside nor out.
+    fn usual_outside(&self, range: Range) -> Option<f64> {
+        let inside = (self.before(range.to)).plus(-1.0, &self.before(range.from));
+        let outside = self.cuts[self.cuts.len() - 1].1.plus(-1.0, &inside);
+        let values = fitted(&outside, &inside)?;
+        let [before, after] = [&self.order[..range.from], &self.order[range.to..]];
+        let left = |&w: &usize| self.residual.left[w] - self.residual.rows[w].dot(&values);
+        let free = outside.count as f64 / (outside.count - self.residual.size()) as f64;
+        Some(free * robust::scale(before.iter().chain(after).map(left))?.powi(2))
     }
 
     /// The price of a range's edges.
