@@ -240,7 +240,12 @@ impl Diagnosis {
                 "the residual shows no structure; without a noise floor more may be missing"
                     .to_owned()
             }
-            ([], _) => "no structure is left above the noise".to_owned(),
+            ([], _) => match self.yardsticks.times_floor(self.after_rms()) {
+                Some(times) => {
+                    format!("the residual is {times:.1} times the noise, but shows no structure")
+                }
+                None => "no structure is left above the noise".to_owned(),
+            },
             ([first, rest @ ..], _) => and_more(first, rest.len()),
         }
     }

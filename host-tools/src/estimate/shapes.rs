@@ -154,7 +154,17 @@ impl<'a> Scan<'a> {
 
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
     pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
-        self.found(place, chosen, true)
+        self.found(place, chosen, true, None)
+    }
+
+    /// The same, or this `known` one where those windows cannot tell the best from it: the moment of a change, of windows of other times.
+    pub(crate) fn best_beside(
+        &self,
+        place: Place,
+        known: f64,
+        chosen: &dyn Fn(usize) -> bool,
+    ) -> Option<f64> {
+        self.found(place, chosen, true, Some(known))
     }
 
     /// The best shape on all windows.
@@ -164,10 +174,16 @@ impl<'a> Scan<'a> {
 
     /// The best of the shapes that are tried first, which looks much like the best one; of harmonics, which are narrow, that.
     pub(crate) fn about(&self, place: Place) -> Option<f64> {
-        self.found(place, &|_| true, is_narrow(place.0))
+        self.found(place, &|_| true, is_narrow(place.0), None)
     }
 
-    fn found(&self, place: Place, chosen: &dyn Fn(usize) -> bool, closely: bool) -> Option<f64> {
+    fn found(
+        &self,
+        place: Place,
+        chosen: &dyn Fn(usize) -> bool,
+        closely: bool,
+        known: Option<f64>,
+    ) -> Option<f64> {
         let (effect, joint) = place;
         if effect.description().is_compliant() {
             return self.best_looseness(place, chosen);
@@ -208,11 +224,20 @@ impl<'a> Scan<'a> {
         };
         // Harmonics are narrow; of other shapes the next one explains much the same.
         let most = falls.iter().copied().fold(0.0, f64::max);
-        let explains = most >= LEAST_FALL * dot(&residual, &residual);
-        if !closely || !is_narrow(effect) && !explains {
-            return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
-        }
-        Some(refined(&grid, &falls, lower.min(0.0), &fall).clamp(lower, parameter.upper))
+        let square = dot(&residual, &residual);
+        let explains = most >= LEAST_FALL * square;
+        let best = if !closely || !is_narrow(effect) && !explains {
+            grid[best_of(&falls)]
+        } else {
+            refined(&grid, &falls, lower.min(0.0), &fall)
+        };
+        let best = best.clamp(lower, parameter.upper);
+        // As likely but for the noise of one window: half a unit of the log-likelihood.
+        let is_as_likely = |known: &f64| {
+            let most = fall(best);
+            most - fall(*known) < (square - most) / windows.len() as f64
+        };
+        Some(known.filter(is_as_likely).unwrap_or(best))
     }
 
     /// A joint's windows of the chosen folds and what the model leaves in them; `None` if they are too few.

@@ -332,8 +332,8 @@ pub(super) fn held_out_with_shape(
     let shape = shape_parameter(place.0);
     let held_out = after.held_out()?;
     let of = |fold: usize| -> Option<Values> {
-        let best = scan.best(place, &|f| f != fold);
         let before = after.values.get(place, shape);
+        let best = scan.best_beside(place, before, &|f| f != fold);
         let same = SAME_SHAPE * size_of(data, place, before);
         let is_other = |best: &f64| (best - before).abs() > same;
         let Some(best) = best.filter(is_other) else {
