@@ -217,6 +217,43 @@ fn commands_agree_on_an_arm() {
     of_three_models(folder, "log.csv", Some("bare.toml"));
 }
 
+/// The floor is the noise, whatever changes fast: each at a joint of a leg whose noise is the same. Of a leg without it, so many times at most.
+#[test]
+fn the_floor_is_the_noise_whatever_is_hidden() {
+    let folder = folder();
+    let folder = folder.path();
+    let floors = |hide: &[&str]| -> Vec<f64> {
+        let leg = ["--legs", "FR", "--typical", "--inertia-error", "0.04"];
+        let seed = ["--seed", "3", "-o", "log.csv"];
+        done(folder, &[&["simulate"], &leg[..], &seed, hide].concat());
+        let compared = json(&done(folder, &["compare", "log.csv", "--json"]));
+        let joints = compared["joints"].as_array().unwrap().iter();
+        joints
+            .map(|joint| joint["floor"].as_f64().unwrap())
+            .collect()
+    };
+    let clean = floors(&[]);
+    for (joint, hide, most) in [
+        // Thirty and more times, where they are taken for noise.
+        (1, "FR_thigh: 0.3*sin(40*q)", 1.3),
+        (1, "FR_thigh: 0.3*sin(9*q)*sign(dq)", 1.7),
+        (1, "cogging:FR_thigh=0.3,k=30", 1.6),
+        (2, "FR_calf: 0.3*sign(dq)*(1 + sin(5*q))", 1.3),
+        // Two to five times.
+        (1, "quadratic_drag:FR_thigh=0.02", 1.3),
+        (1, "stribeck:FR_thigh=0.4", 1.6),
+        (1, "presliding:FR_thigh=0.02", 1.3),
+        (1, "spring:FR_thigh=3", 1.3),
+    ] {
+        let hidden = floors(&["--hide", hide]);
+        for (own, (floor, clean)) in hidden.iter().zip(&clean).enumerate() {
+            let (times, most) = (floor / clean, if own == joint { most } else { 1.3 });
+            println!("{hide}: joint {own}: {times:.2}");
+            assert!((0.7..most).contains(&times), "{hide}: joint {own}: {times}");
+        }
+    }
+}
+
 /// A body that is not the CAD's is released where the model leaves noise alone.
 #[test]
 fn commands_agree_on_a_leg_with_a_load() {
