@@ -1,6 +1,6 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Enters, Form, JointState, Moved, Term};
+use proprio_core::effect::{EffectKind, Enters, Form, JointState, MAX_COLUMNS, Moved, Term};
 use proprio_core::inertia::INERTIAL;
 
 use super::values::{Place, Values, is_shared};
@@ -36,6 +36,13 @@ pub(crate) enum Column {
         effect: EffectKind,
         shape: f64,
         n: usize,
+    },
+    /// The derivative of an effect's torque in its nonlinear parameter, by a difference between two values of that, at these values of the others.
+    Shape {
+        joint: usize,
+        effect: EffectKind,
+        around: [f64; 2],
+        values: [f64; MAX_COLUMNS],
     },
     /// Column `n` of an effect that couples a joint with the one that carries it.
     Coupled {
@@ -84,8 +91,10 @@ impl Column {
         match self {
             Self::Inertial(..) | Self::Gravity(_) => Sees::None,
             Self::Load { .. } | Self::Scale(_) | Self::Sensor(_) => Sees::None,
-            Self::Own { effect, .. } if sees_other_joints(*effect) => Sees::All,
-            Self::Own { .. } => Sees::Own,
+            Self::Own { effect, .. } | Self::Shape { effect, .. } if sees_other_joints(*effect) => {
+                Sees::All
+            }
+            Self::Own { .. } | Self::Shape { .. } => Sees::Own,
             Self::Coupled { .. } | Self::Motion { .. } | Self::Delay => Sees::All,
         }
     }
@@ -135,7 +144,9 @@ impl Columns {
     fn of_entries(subtree_end: Vec<usize>, entries: Vec<Entry>) -> Self {
         let joints = subtree_end.len();
         let felt = |joint: usize, column: &Column| match *column {
-            Column::Own { joint: own, .. } | Column::Scale(own) => own == joint || is_shared(own),
+            Column::Own { joint: own, .. }
+            | Column::Shape { joint: own, .. }
+            | Column::Scale(own) => own == joint || is_shared(own),
             Column::Inertial(b, _) | Column::Load { body: b, .. } => {
                 (joint..subtree_end[joint]).contains(&b)
             }

@@ -244,11 +244,7 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
     // A formula of the model at one joint may be missing at another.
-    let mut own: Vec<EffectKind> = (fit.data.model.effects().iter())
-        .map(|e| e.effect)
-        .filter(|effect| catalogue::formula_of(*effect).is_some())
-        .collect();
-    own.dedup();
+    let own = fit.data.model.formulas();
     let places = catalogue::effects().chain(own).flat_map(|effect| {
         let described = effect.description();
         let shared = described.may_be_shared().then_some(BASE);

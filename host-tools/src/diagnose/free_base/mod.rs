@@ -1,14 +1,13 @@
 //! What `proprio diagnose --free-base` does: what a model of a walking robot lacks, an effect at a joint or a load on a body.
 //!
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
-//! 2. `shapes`: nonlinear parameters. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
+//! 2. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
 //! 3. `search`: walks as a source of rows for the search of [`crate::select`].
 //! 4. `text`: what was found, as a [`Diagnosis`].
 
 mod model;
 mod screen;
 mod search;
-mod shapes;
 mod text;
 
 use std::path::PathBuf;
@@ -22,17 +21,16 @@ use super::Diagnosis;
 use super::changed::changed;
 use crate::detect::ladder::Yardsticks;
 use crate::equation::values::Place;
-use crate::estimate::{ParameterEstimate, find};
+use crate::estimate::ParameterEstimate;
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
 use crate::free_base::rungs::rungs;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::identify::{NotAModel, set_joint, walk_bodies, walk_parameters, without_loaded};
+use crate::identify::{NotAModel, set_walk, walk_bodies, walk_parameters, without_loaded};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
-use crate::parameter;
+use crate::model::Model;
 use crate::select::search::search;
 use model::WalkModel;
 use search::WalkSource;
@@ -125,36 +123,7 @@ impl FreeBaseDiagnosis {
         for (effect, joint) in loads {
             model.remove_effect(effect, joint);
         }
-        let joints = model.robot().bodies().iter();
-        let joints: Vec<String> = joints.map(|body| body.name.clone()).collect();
-        let joints = joints.iter().map(String::as_str).enumerate();
-        for (body, of) in std::iter::once((BASE, "base")).chain(joints) {
-            let named = |fault| NotAModel {
-                of: of.to_owned(),
-                fault,
-            };
-            set_joint(&self.found, model, body, of).map_err(named)?;
-            for site in self.effects.iter().filter(|site| site.place.1 == body) {
-                self.set_others(site, model, of).map_err(named)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Sets the parameters of an effect beyond its first.
-    fn set_others(
-        &self,
-        site: &EffectSite,
-        model: &mut Model,
-        of: &str,
-    ) -> Result<(), crate::model::Impossible> {
-        let (effect, joint) = site.place;
-        for n in 1..effect.description().parameters.len() {
-            let found = find(&self.found, &parameter::of_effect(effect, n, of));
-            let (value, std) = found.map_or((site.shape, None), |own| (own.value, Some(own.std)));
-            model.set_parameter(effect, joint, n, value, std)?;
-        }
-        Ok(())
+        set_walk(&self.found, &self.effects, model)
     }
 }
 

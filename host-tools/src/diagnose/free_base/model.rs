@@ -6,13 +6,14 @@ use nalgebra::DVector;
 use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
-use super::{centre, is_load, shapes};
+use super::{centre, is_load};
 use crate::equation::values::Place;
 use crate::estimate::Constraint;
 use crate::free_base::Walks;
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Deviations, Fit, HeldOut};
+use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::model::Model;
 use crate::select::candidate::{Candidate, Member};

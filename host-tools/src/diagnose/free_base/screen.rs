@@ -260,7 +260,7 @@ pub(super) fn possible(walks: &Walks, model: &Model, structure: &ModelStructure)
     let still: Vec<bool> = (0..structure.robot.joints())
         .map(|joint| !moves(walks, model, joint))
         .collect();
-    let all = all_places(&structure.robot)
+    let all = all_places(model, &structure.robot)
         .into_iter()
         .filter(|place| !has(place));
     let moving = all.filter(|place| place.1 == BASE || !still[place.1]);
