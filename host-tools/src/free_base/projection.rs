@@ -5,6 +5,8 @@
 //! e = d(boundary)/dt + rate the window's column is Σ P D S_j (half the differences of the boundary to both sides + rate × the time that the sample stands
 //! for), the same sum as the core's.
 
+use std::ops::Range;
+
 use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Term};
 
 use super::channels::Channels;
@@ -125,6 +127,25 @@ impl<'a> Projection<'a> {
     /// The window's samples.
     pub(crate) fn samples(&self) -> &[usize] {
         &self.span.samples
+    }
+
+    /// What a torque at a joint at each of them gives an equation: its mean over the window.
+    pub(crate) fn weights(&self, joint: usize, coordinate: usize) -> Vec<f64> {
+        let halves = self.span.halves.iter().zip(&self.passes);
+        let of = |([before, after], passes): (&[f64; 2], &Vec<f64>)| {
+            passes[self.width * joint + coordinate] * (before + after) / self.span.seconds
+        };
+        halves.map(of).collect()
+    }
+
+    /// When each of them is, s, and what effects see of these joints then; no bristles.
+    pub(crate) fn seen(&self, joints: &Range<usize>) -> Vec<(f64, Vec<JointState<f64>>)> {
+        let samples = self.span.samples.iter().map(|&n| {
+            let all = joints.clone();
+            let all = all.map(|j| self.states.joint(n, j, usize::MAX));
+            (self.states.walk.seconds(n), all.collect())
+        });
+        samples.collect()
     }
 
     /// The window terms of an effect's columns at each of them; without bristles.

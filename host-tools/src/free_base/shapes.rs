@@ -146,6 +146,28 @@ fn between(grid: &[f64], falls: &[f64], site: &EffectSite) -> Vec<f64> {
     near.map(|shape| possible(site.place.0, shape)).collect()
 }
 
+/// What a joint does in walks; no displacement of its friction is below the `least`, rad.
+pub(crate) fn range(walks: &Walks, joint: usize, least: f64) -> MotionRange {
+    let logs = || walks.walks.iter().map(|(walk, _)| walk);
+    let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
+    let q = || logs().flat_map(|walk| walk.q.of(joint));
+    let acceleration = |walk: &Walk| {
+        let own: Vec<f64> = walk.dq.of(joint).collect();
+        let steps = own.windows(2).map(|dq| (dq[1] - dq[0]).powi(2));
+        let square = steps.sum::<f64>() / walk.len().max(1) as f64;
+        square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
+    };
+    let period = most(&|walk| walk.period);
+    MotionRange {
+        gear: walks.robot.gears[joint],
+        positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
+        times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
+        least_displacement: least_displacement(most(&acceleration), period).max(least),
+        fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
+        speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
+    }
+}
+
 struct Scan<'a> {
     walks: &'a Walks,
     data: &'a Data,
@@ -159,25 +181,8 @@ impl Scan<'_> {
     /// The shapes of an effect to try.
     fn grid(&self, site: &EffectSite) -> Vec<f64> {
         let (effect, joint) = site.place;
-        let logs = || self.walks.walks.iter().map(|(walk, _)| walk);
-        let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
-        let q = || logs().flat_map(|walk| walk.q.of(joint));
-        let acceleration = |walk: &Walk| {
-            let own: Vec<f64> = walk.dq.of(joint).collect();
-            let steps = own.windows(2).map(|dq| (dq[1] - dq[0]).powi(2));
-            let square = steps.sum::<f64>() / walk.len().max(1) as f64;
-            square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
-        };
-        let period = most(&|walk| walk.period);
         let lower = effect.description().parameters[shape_parameter(effect)].lower;
-        let range = MotionRange {
-            gear: self.walks.robot.gears[joint],
-            positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
-            times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
-            least_displacement: least_displacement(most(&acceleration), period).max(lower),
-            fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
-            speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
-        };
+        let range = range(self.walks, joint, lower);
         let searched = effect.description().searched();
         let all = searched.and_then(|(_, grid)| values(grid, &range));
         let all = all.into_iter().flatten();

@@ -116,15 +116,32 @@ impl<'a> Found<Limbs<'a>> {
 
     /// Takes out what only resembled an effect that has come since at the same joint.
     pub(crate) fn take_out_beside(&mut self, data: &'a [LimbData<'a>], one: Member) {
+        self.take_out_resembling(one, |end, member| {
+            let mut places = end.places();
+            places[member.0].retain(|own| *own != member.1);
+            end.with(data, &places, &end.values(), &[])
+        });
+    }
+
+    /// Looks at the model at the end again: what it leaves, and what of it changes with time.
+    pub(crate) fn look_again(&mut self) {
+        self.source.look(&mut self.end);
+    }
+}
+
+impl<S: Source> Found<S> {
+    /// Takes out what only resembled an effect that has come since at the same joint; `without` is a model without a member.
+    pub(crate) fn take_out_resembling(
+        &mut self,
+        one: Member,
+        without: impl Fn(&S::Model, Member) -> Option<S::Model>,
+    ) {
         let (limb, place) = one;
         for member in self.added_at(limb, place.1).into_iter().rev() {
             if member == one {
                 continue;
             }
-            let mut places = self.end.places();
-            places[limb].retain(|own| *own != member.1);
-            let values = self.end.values();
-            let Some(after) = self.end.with(data, &places, &values, &[]) else {
+            let Some(after) = without(&self.end, member) else {
                 continue;
             };
             let [now, before] = [&after, &self.end].map(|of| of.held_out(&self.end));
@@ -132,11 +149,6 @@ impl<'a> Found<Limbs<'a>> {
                 self.put(member, after, true);
             }
         }
-    }
-
-    /// Looks at the model at the end again: what it leaves, and what of it changes with time.
-    pub(crate) fn look_again(&mut self) {
-        self.source.look(&mut self.end);
     }
 
     /// The effects beyond those of every drive that the search has added at a joint and the model has.
@@ -152,7 +164,8 @@ impl<'a> Found<Limbs<'a>> {
         own
     }
 
-    fn put(&mut self, member: Member, after: State<'a>, removed: bool) {
+    /// Puts a member in, or takes it out: the model is the one `after` that.
+    pub(crate) fn put(&mut self, member: Member, after: S::Model, removed: bool) {
         self.end = after;
         self.steps.push(Step {
             effect: member.1.0,

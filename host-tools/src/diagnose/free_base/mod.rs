@@ -3,8 +3,9 @@
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
 //! 2. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
 //! 3. `search`: walks as a source of rows for the search of [`crate::select`].
-//! 4. `text`: what was found, as a [`Diagnosis`].
+//! 4. `formulas`: torques outside the catalogue. `text`: what was found, as a [`Diagnosis`].
 
+mod formulas;
 mod model;
 mod screen;
 mod search;
@@ -26,6 +27,7 @@ use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
 use crate::free_base::rungs::rungs;
+use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_walk, walk_bodies, walk_parameters, without_loaded};
@@ -57,13 +59,14 @@ pub struct FreeBaseDiagnosis {
     effects: Vec<EffectSite>,
 }
 
-/// Diagnoses what a robot's `model` lacks on logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+/// Diagnoses what a robot's `model` lacks on logs of it walking, taken together; formulas are sought unless it is of the `catalogue_only`. `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
 /// [`FreeBaseError`]: a log that is bad or too short, or a model that walks are not judged with.
 pub fn diagnose_free_base(
     logs: &[PathBuf],
     model: &Model,
+    catalogue_only: bool,
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseDiagnosis, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
@@ -79,16 +82,28 @@ pub fn diagnose_free_base(
     let yardsticks = Yardsticks::of_walk(rungs.each_ref().map(|theta| data.rms(theta)));
     let held_against = (yardsticks, &as_given[0]);
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
-    let found = search(source, &[]).ok_or_else(unsolvable)?;
-    let mut diagnosis =
-        text::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
+    let mut found = search(source, &[]).ok_or_else(unsolvable)?;
+    let formulas = match catalogue_only {
+        true => Vec::new(),
+        false => {
+            let left = text::left(&found.end, &walks).ok_or_else(unsolvable)?;
+            let joints = text::outside(&left, &walks);
+            formulas::find_formulas((&walks, model), &mut found, &joints)
+        }
+    };
     let WalkModel {
-        structure,
+        structure: end,
         data,
         fit,
         ..
     } = &found.end;
-    let values = walk_parameters(data, fit, &data.deviations(fit));
+    let (told, sites) = shapes::with_derivatives((&walks, model), data, end.clone(), fit)?;
+    let told_fit = told.fit(&sites).ok_or_else(unsolvable)?;
+    let values = walk_parameters(&told, &told_fit, &told.deviations(&told_fit));
+    let formulas = formulas::told(model, &formulas, &values);
+    let mut diagnosis = text::diagnosis(logs, &walks, &structure, held_against, &found, formulas)
+        .ok_or_else(unsolvable)?;
+    let structure = end;
     diagnosis.has_values = model.has_values();
     // What no effect explains is in the bodies too.
     if diagnosis.outside_catalogue.is_empty()

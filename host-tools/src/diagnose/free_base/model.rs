@@ -67,6 +67,26 @@ impl WalkModel {
         self.refitted(Arc::new(data), structure)
     }
 
+    /// The same with a formula that neither it nor the rows have, its nonlinear parameter near this one; none if numbers overflow.
+    pub(super) fn with_formula(
+        &self,
+        (walks, model): (&Walks, &Model),
+        place: Place,
+        shape: Option<f64>,
+    ) -> Option<Self> {
+        let site = EffectSite::of((model, &walks.robot), place, Constraint::Physical);
+        let site = match shape {
+            Some(shape) => site.with_shape(shape),
+            None => site,
+        };
+        let mut sites = self.data.columns().sites.clone();
+        sites.retain(|own| own.place != place);
+        sites.push(site.clone());
+        let data = Arc::new(self.data.with_sites(walks, sites).ok()?);
+        let after = Self::of(&data, &self.structure.clone().with_effect(site))?;
+        after.with_better_shapes(walks).or(Some(after))
+    }
+
     /// Its effects with these among them, as likely as `model` says.
     pub(super) fn structure_with(&self, model: &Model, members: &[Member]) -> ModelStructure {
         let mut structure = self.structure.clone();
