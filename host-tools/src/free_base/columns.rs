@@ -64,7 +64,7 @@ pub(crate) fn all_places(model: &Model, robot: &Legged) -> Vec<Place> {
             other.is_some_and(|other| robot.limb_of(other) == robot.limb_of(joint))
         };
         let joints = (0..robot.joints()).filter(move |&joint| {
-            (form != Form::Coupled || robot.parents[joint].is_some())
+            (!effect.couples_with_parent() || robot.parents[joint].is_some())
                 && effect.others().iter().all(|after| sees(joint, *after))
         });
         let base = (form == Form::Inertia).then_some(BASE);

@@ -16,7 +16,7 @@ use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
-use crate::equation::column::Column;
+use crate::equation::column::{Column, coupled_terms, couples};
 use crate::equation::free_tree::{OF_BASE, Pose};
 use crate::equation::presliding::Way;
 use crate::equation::values::Place;
@@ -230,14 +230,18 @@ impl<'a> JointStates<'a> {
                     rate: slope(&|term| term.rate),
                 }
             }),
-            Column::Coupled { joint, effect, n } => {
-                let Some(above) = self.parents[joint] else {
-                    return;
-                };
-                for (own, other) in [(joint, above), (above, joint)] {
-                    let state = |k: usize, j: usize| self.joint(k, j, site);
-                    tell(own, &|k| {
-                        effect.coupled(&state(k, own), &state(k, other))[n]
+            Column::Coupled {
+                joint,
+                effect,
+                shape,
+                n,
+            } => {
+                let (all, parent) = (self.walk.q.width(), self.parents[joint]);
+                for at in (0..all).filter(|at| couples(effect, [joint, *at], parent)) {
+                    tell(at, &|k| {
+                        let states: Vec<_> = (0..all).map(|j| self.joint(k, j, site)).collect();
+                        let terms = coupled_terms(effect, ([joint, at], parent), &states, shape);
+                        terms.map_or_else(Term::zero, |terms| terms[n])
                     });
                 }
             }

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, Reach};
+use proprio_core::effect::{EffectKind, Reach};
 
 use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
@@ -251,7 +251,7 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
         let own = (described.reach != Reach::Robot).then_some(0..joints);
         let own = own.into_iter().flatten().filter(move |&joint| {
             let sees = |after: &isize| joint.checked_add_signed(*after).is_some_and(|n| n < joints);
-            (described.form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some())
+            (!effect.couples_with_parent() || parent(&fit.columns.subtree_end, joint).is_some())
                 && effect.others().iter().all(sees)
         });
         shared
@@ -283,7 +283,7 @@ pub(crate) fn is_beyond_its_parts(
     if facts.sum_of.iter().any(|part| has(&(*part, joint))) {
         return false;
     }
-    let couples = facts.form == Form::Coupled;
+    let couples = effect.couples_with_parent();
     let parent = parent.filter(|_| couples);
     [Some(joint), parent].into_iter().flatten().all(|joint| {
         let gives_way = EffectKind::COMPLIANT
