@@ -40,6 +40,8 @@ const TOGETHER: usize = 64;
 /// Rounds of a shape's refinement, each so much narrower: to a hundredth of the grid's spacing.
 const ROUNDS: usize = 8;
 const NARROWER: f64 = 0.6;
+/// The first step of a width's refinement, a factor: half way, in its logarithm, to the next of the grammar's.
+const WIDER: f64 = 1.19;
 /// Rivals that are told.
 const MOST_RIVALS: usize = 4;
 /// One that explains less than this share of what the best does is no rival: where that much is within the error, chance explains the best.
@@ -216,8 +218,8 @@ pub(crate) fn pick_of(
     });
     let chosen = rivals.first()?;
     let chance = chance(&tried, chosen.fall, alarm)?;
-    let term = &all[chosen.term];
-    let shape = residual.refined(term, chosen, &factors, range);
+    let (term, shape) = residual.refined(&all[chosen.term], chosen, &factors, range);
+    let term = &term;
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
     Some(Pick {
         text: term.text(),
@@ -546,29 +548,46 @@ impl Residual {
         Some(square * autocorrelation_time(&left))
     }
 
-    /// The shape between the neighbours of the best of a grid that explains most.
+    /// The shape between the neighbours of the best of a grid that explains most, and the width between the grammar's, where the term has one.
     fn refined(
         &self,
         term: &Term,
         best: &Tried,
         factors: &Factors,
         range: &MotionRange,
-    ) -> Option<f64> {
-        let grid = values(term.grid?, range)?;
-        let (mut shape, mut most) = (best.shape?, best.fall);
-        let at = grid.iter().position(|value| *value == shape)?;
-        let neighbour = grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?))?;
-        let mut step = 0.5 * (neighbour - shape).abs();
+    ) -> (Term, Option<f64>) {
+        let as_it_is = || (term.clone(), best.shape);
+        let grid = term.grid.and_then(|grid| values(grid, range));
+        let (Some(mut shape), Some(grid)) = (best.shape, grid) else {
+            return as_it_is();
+        };
+        let at = grid.iter().position(|value| *value == shape);
+        let near = at.and_then(|at| grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?)));
+        let Some(near) = near else {
+            return as_it_is();
+        };
+        let (mut term, mut most) = (term.clone(), best.fall);
+        let mut step = 0.5 * (near - shape).abs();
+        let mut wider = WIDER;
         for _ in 0..ROUNDS {
             for other in [shape - step, shape + step] {
-                let tried = self.beside(best.term, term, Some(other), factors);
+                let tried = self.beside(best.term, &term, Some(other), factors);
                 if let Some(tried) = tried.filter(|tried| tried.fall > most) {
                     (shape, most) = (other, tried.fall);
                 }
             }
+            for by in [wider.recip(), wider] {
+                let Some(width) = term.width() else { break };
+                let other = term.clone().with_width(width * by);
+                let tried = self.beside(best.term, &other, Some(shape), factors);
+                if let Some(tried) = tried.filter(|tried| tried.fall > most) {
+                    (term, most) = (other, tried.fall);
+                }
+            }
             step *= NARROWER;
+            wider = wider.powf(NARROWER);
         }
-        Some(shape)
+        (term, Some(shape))
     }
 
     fn by_segment(&self, column: &[f64]) -> Vec<f64> {
