@@ -90,28 +90,15 @@ impl<'a> Found<Limbs<'a>> {
         (limb, joint): (usize, usize),
         screen: &dyn Fn(&LimbFit) -> Option<Asked>,
     ) -> Option<Member> {
-        let several = self.added_at(limb, joint);
-        if several.is_empty() {
-            return None;
-        }
-        let mut places = self.end.places();
-        places[limb].retain(|place| !several.contains(&(limb, *place)));
-        let without = self.end.with(data, &places, &self.end.values(), &[])?;
-        let asked = screen(&without.fits[limb])?;
-        let after = with(data, &without, &asked, &[])?;
-        let [one, own] = [&after, &self.end].map(|of| of.held_out(&self.end));
-        let stands = match several.len() {
-            1 => is_worth_a_step(&one, &own),
-            _ => does_as_well(one.weighted, own.weighted),
+        let without = |end: &State<'a>, several: &[Member]| {
+            let mut places = end.places();
+            places[limb].retain(|place| !several.contains(&(limb, *place)));
+            end.with(data, &places, &end.values(), &[])
         };
-        if !stands {
-            return None;
-        }
-        for member in several {
-            self.put(member, without.clone(), true);
-        }
-        self.put(asked.0, after, false);
-        Some(asked.0)
+        self.exchange_by((limb, joint), without, |without| {
+            let asked = screen(&without.fits[limb])?;
+            Some((asked.0, with(data, without, &asked, &[])?))
+        })
     }
 
     /// Takes out what only resembled an effect that has come since at the same joint.
@@ -130,6 +117,35 @@ impl<'a> Found<Limbs<'a>> {
 }
 
 impl<S: Source> Found<S> {
+    /// Takes one effect for all that the search has added at a joint beyond what every drive has, as a limb's search does: `without` is a model without
+    /// some members, and `with` what it asks for, with that.
+    pub(crate) fn exchange_by(
+        &mut self,
+        (limb, joint): (usize, usize),
+        without: impl Fn(&S::Model, &[Member]) -> Option<S::Model>,
+        with: impl FnOnce(&S::Model) -> Option<(Member, S::Model)>,
+    ) -> Option<Member> {
+        let several = self.added_at(limb, joint);
+        if several.is_empty() {
+            return None;
+        }
+        let without = without(&self.end, &several)?;
+        let (asked, after) = with(&without)?;
+        let [one, own] = [&after, &self.end].map(|of| of.held_out(&self.end));
+        let stands = match several.len() {
+            1 => is_worth_a_step(&one, &own),
+            _ => does_as_well(one.weighted, own.weighted),
+        };
+        if !stands {
+            return None;
+        }
+        for member in several {
+            self.put(member, without.clone(), true);
+        }
+        self.put(asked, after, false);
+        Some(asked)
+    }
+
     /// Takes out what only resembled an effect that has come since at the same joint; `without` is a model without a member.
     pub(crate) fn take_out_resembling(
         &mut self,
@@ -152,7 +168,7 @@ impl<S: Source> Found<S> {
     }
 
     /// The effects beyond those of every drive that the search has added at a joint and the model has.
-    fn added_at(&self, limb: usize, joint: usize) -> Vec<Member> {
+    pub(crate) fn added_at(&self, limb: usize, joint: usize) -> Vec<Member> {
         let added = self.steps.iter().filter(|step| !step.removed);
         let mut own: Vec<Member> = Vec::new();
         for member in added.flat_map(|step| &step.members) {

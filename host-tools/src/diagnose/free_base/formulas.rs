@@ -24,34 +24,54 @@ use crate::select::source::Source;
 /// Of an equation that gets a smaller share of a joint's torque than this nothing is asked: it tells a ten-thousandth of what the joint's own does.
 const LEAST_WEIGHT: f64 = 0.01;
 
-/// Finds formulas at these joints, and puts them into the model at the end of the search.
+/// Effects beyond a drive's at one joint that a single torque may be: where one is right, a search stops at it.
+const SEVERAL: usize = 2;
+
+/// Finds formulas at these joints, and at those where several effects may stand for one, and puts them into the model at the end of the search.
 pub(super) fn find_formulas(
     (walks, model): (&Walks, &Model),
     found: &mut Found<WalkSource<'_>>,
-    joints: &[usize],
+    outside: &[usize],
 ) -> Vec<(Place, Pick)> {
-    let alarm = FALSE_ALARM / joints.len().max(1) as f64;
+    let stands_for = |joint: &usize| found.added_at(0, *joint).len() >= SEVERAL;
+    let joints = 0..walks.robot.joints();
+    let joints = joints.filter(|joint| outside.contains(joint) || stands_for(joint));
+    let joints: Vec<usize> = joints.collect();
+    let gates = (FALSE_ALARM / joints.len().max(1) as f64, STRUCTURE);
+    // What a model asks for at a joint, and the model with it.
+    let asked = |now: &WalkModel, joint: usize| -> Option<(Member, Pick, WalkModel)> {
+        let pick = pick(walks, now, joint, gates)?;
+        let of = (Kind::Free, &BTreeMap::new());
+        let effect = model.robot().formula(&pick.name, &pick.text, of, joint);
+        let member = (0, (effect.ok()?, joint));
+        if pick.share < STRUCTURE || now.has(&member) {
+            return None;
+        }
+        let after = now.with_formula((walks, model), member.1, pick.shape)?;
+        let [told, before] = [&after, now].map(|of| of.held_out(now));
+        let stands = is_worth_a_step(&told, &before) && is_held(after.size(&member));
+        stands.then_some((member, pick, after))
+    };
+    let source = found.source.anew();
     let mut all: Vec<(Member, Pick)> = Vec::new();
-    for &joint in joints {
+    for joint in joints {
+        let without = |end: &WalkModel, several: &[Member]| {
+            several.iter().try_fold(end.clone(), |model, member| {
+                source.without(&model, &[*member])
+            })
+        };
+        let mut picked = None;
+        let instead = found.exchange_by((0, joint), without, |without| {
+            let (member, pick, after) = asked(without, joint)?;
+            picked = Some(pick);
+            Some((member, after))
+        });
+        all.extend(instead.zip(picked));
         for _ in 0..MOST_TERMS {
-            let Some(pick) = pick(walks, &found.end, joint, (alarm, STRUCTURE)) else {
+            let Some((member, pick, after)) = asked(&found.end, joint) else {
                 break;
             };
-            let of = (Kind::Free, &BTreeMap::new());
-            let effect = model.robot().formula(&pick.name, &pick.text, of, joint);
-            let Ok(effect) = effect else { break };
-            let member = (0, (effect, joint));
-            if pick.share < STRUCTURE || found.end.has(&member) {
-                break;
-            }
-            let after = found.end.with_formula((walks, model), member.1, pick.shape);
-            let Some(after) = after else { break };
-            let [now, before] = [&after, &found.end].map(|of| of.held_out(&found.end));
-            if !is_worth_a_step(&now, &before) || !is_held(after.size(&member)) {
-                break;
-            }
             found.put(member, after, false);
-            let source = found.source.anew();
             found.take_out_resembling(member, |end, other| source.without(end, &[other]));
             all.push((member, pick));
         }
