@@ -75,12 +75,12 @@ pub(super) fn derivative(e: &Expression, by: Variable) -> Option<Expression> {
                         Function::Max => (first, second),
                         _ => (second, first),
                     };
-                    // The first one's where it is the one, else the other's.
-                    let b = derivative(second, by);
+                    // Each derivative once: of functions within each other they would become as many as two to their number.
                     let is_first = join(Operator::Minus, more.clone(), less.clone());
                     let is_first = call(Function::Step, &is_first);
-                    let beyond = minus(a, b.clone());
-                    return sum(b, beyond.map(|beyond| times(is_first, beyond)));
+                    let is_other = join(Operator::Minus, number(1.0), is_first.clone());
+                    let b = derivative(second, by).map(|b| times(is_other, b));
+                    return sum(a.map(|a| times(is_first, a)), b);
                 }
                 Function::Abs => call(Function::Sign, first),
                 Function::Exp => e.clone(),

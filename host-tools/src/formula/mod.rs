@@ -251,7 +251,9 @@ pub fn define(
             .collect()
     };
     let sets = tried.map(parameters_at);
-    site.check_finite(&expression, &parts.factors, &sets)
+    let at_others = others_act.iter().flat_map(|(_, all)| all.iter().flatten());
+    let everywhere: Vec<Expression> = parts.factors.iter().chain(at_others).cloned().collect();
+    site.check_finite(&expression, &everywhere, &sets)
         .map_err(|(at, problem)| fault(&at, problem))?;
     let bounds = match law {
         Law::Torque => site.bounds_of(kind, &parts.factors, &sets),
@@ -668,15 +670,22 @@ fn place_among(expression: &Expression, n: usize) -> Option<Signal> {
     found
 }
 
-/// Whether a parameter is a factor of a position.
+/// Whether a parameter is a factor of a position of which a function is taken; one of a sum of positions is a ratio.
 fn multiplies_position(expression: &Expression, n: usize) -> bool {
     let mut found = false;
-    expression.each(&mut |e| {
+    let mut look = |e: &Expression| {
         if let Node::Binary(Operator::Times, left, right) = &e.node {
             let has = |e: &Expression| e.has(&|node| *node == Node::Parameter(n));
             let moves =
                 |e: &Expression| (e.variables().iter()).any(|v| v.signal == Signal::Position);
             found |= has(left) && moves(right) || has(right) && moves(left);
+        }
+    };
+    expression.each(&mut |e| {
+        if let Node::Call(_, arguments) = &e.node {
+            arguments
+                .iter()
+                .for_each(|argument| argument.each(&mut look));
         }
     });
     found

@@ -535,6 +535,7 @@ fn torques_of_several_joints_come_from_one_function() {
         ("potential(c*q.thigh^2)", "depend on the joint"),
         ("c*potential(q^2)", "is a whole formula"),
         ("dissipation(c*dq*dq.thigh)", "gives energy"),
+        ("potential(c*q*sqrt(q.thigh - 1))", "not finite"),
     ] {
         let error = refused(text).to_string();
         assert!(error.contains(said), "{text}: {error}");

@@ -122,9 +122,12 @@ pub(crate) fn with_derivatives(
     }
     for own in &mut structure.effects {
         let site = sites.iter().find(|site| site.place == own.place);
-        if let Some(site) = site.filter(|site| site.linear.len() > own.linear.len()) {
-            *own = site.clone();
-        }
+        // What was a candidate is known by the structure as it knows its own.
+        let derivative = site
+            .into_iter()
+            .flat_map(|site| site.linear.iter().skip(own.linear.len()));
+        let derivative: Vec<_> = derivative.copied().collect();
+        own.linear.extend(derivative);
     }
     Ok((data.with_sites(walks, sites)?, structure))
 }
