@@ -54,8 +54,14 @@ const ALONE: [(&str, Option<Grid>); 3] = [
 /// By another joint of the limb, `X`. With any carrier.
 const BY_ANOTHER: [&str; 4] = ["q.X", "q.X^2", "q*q.X", "sin(q.X)"];
 
-/// Torques by another joint's motion.
-const OF_ANOTHER: [&str; 3] = ["dq.X", "sign(dq.X)", "abs(dq.X)*dq.X"];
+/// Torques by another joint's motion, and by that of a link that both turn, whichever way their axes point.
+const OF_ANOTHER: [&str; 5] = [
+    "dq.X",
+    "sign(dq.X)",
+    "abs(dq.X)*dq.X",
+    "(dq + dq.X)*abs(dq + dq.X)",
+    "(dq - dq.X)*abs(dq - dq.X)",
+];
 
 /// A function of a joint's motion with one parameter, `p`, at most.
 pub(crate) struct Factor(Expression);
