@@ -238,8 +238,14 @@ impl<'a> JointStates<'a> {
             } => {
                 let (all, parent) = (self.walk.q.width(), self.parents[joint]);
                 for at in (0..all).filter(|at| couples(effect, [joint, *at], parent)) {
+                    let other = if at == joint { parent } else { Some(joint) };
+                    let state = |k: usize, j: usize| self.joint(k, j, site);
                     tell(at, &|k| {
-                        let states: Vec<_> = (0..all).map(|j| self.joint(k, j, site)).collect();
+                        // Of the catalogue's, which are many, no more states are made than two.
+                        if let (true, Some(other)) = (effect.couples_with_parent(), other) {
+                            return effect.coupled(&state(k, at), &state(k, other))[n];
+                        }
+                        let states: Vec<_> = (0..all).map(|j| state(k, j)).collect();
                         let terms = coupled_terms(effect, ([joint, at], parent), &states, shape);
                         terms.map_or_else(Term::zero, |terms| terms[n])
                     });
