@@ -454,7 +454,7 @@ fn derivatives_are_the_slopes_of_dual_numbers() {
         "c*sin(3*q)*cos(q.thigh) + exp(-((q + 1)/0.3)^2)",
         "c*max(q + 1.5, 0)^2 + min(q, q.thigh)*q + tanh(q/0.2)",
         "c*abs(q + 1.4)*q + log(4 + q) + sqrt(5 + q*q.thigh) + 1/(4 + q)",
-        "c*2^q + sign(q + 1.3)*q + step(q + 1.3)*q^2 - (-q)",
+        "c*2^q + sign(q + 1.3)*q + step(q + 1.3)*q^2 - (-q.thigh)",
     ] {
         let e = parse(text, site().names).unwrap().expression;
         for joint in [0, -1] {
