@@ -85,8 +85,7 @@ pub(crate) fn settled(
     let fit = |data: &Data, structure: &ModelStructure| {
         data.fit(structure).ok_or(FreeBaseError::Unsolvable)
     };
-    let is_shaped = |site: &EffectSite| site.place.0.description().searched().is_some();
-    if !structure.effects.iter().any(is_shaped) {
+    if !is_shaped(&structure) {
         return Ok((data, structure));
     }
     for _ in 0..ROUNDS {
@@ -98,6 +97,12 @@ pub(crate) fn settled(
     }
     let last = fit(&data, &structure)?;
     with_derivatives((walks, model), &data, structure, &last)
+}
+
+/// Whether any effect of a structure has a nonlinear parameter.
+pub(crate) fn is_shaped(structure: &ModelStructure) -> bool {
+    let mut effects = structure.effects.iter();
+    effects.any(|site| site.place.0.description().searched().is_some())
 }
 
 /// The same with a column of the derivative of each effect's torque in its nonlinear parameter, at a fit: its standard deviation comes from the same

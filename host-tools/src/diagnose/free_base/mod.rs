@@ -97,9 +97,15 @@ pub fn diagnose_free_base(
         fit,
         ..
     } = &found.end;
-    let (told, sites) = shapes::with_derivatives((&walks, model), data, end.clone(), fit)?;
-    let told_fit = told.fit(&sites).ok_or_else(unsolvable)?;
-    let values = walk_parameters(&told, &told_fit, &told.deviations(&told_fit));
+    let values = match shapes::is_shaped(end) {
+        true => {
+            let of = (&walks, model);
+            let (told, sites) = shapes::with_derivatives(of, data, end.clone(), fit)?;
+            let fit = told.fit(&sites).ok_or_else(unsolvable)?;
+            walk_parameters(&told, &fit, &told.deviations(&fit))
+        }
+        false => walk_parameters(data, fit, &data.deviations(fit)),
+    };
     let formulas = formulas::told(model, &formulas, &values);
     let mut diagnosis = text::diagnosis(logs, &walks, &structure, held_against, &found, formulas)
         .ok_or_else(unsolvable)?;
