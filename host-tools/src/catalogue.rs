@@ -17,6 +17,7 @@
 //!     priors: &[Prior { mean: 0.0, std: 1.0 }],
 //!     others: &[],
 //!     terms: &|joints, at, _| [Term::rate(joints[at].q.cos()), Term::zero()],
+//!     coupled: None,
 //! };
 //! let effect = catalogue::register(GRAVITY_BALANCER)?;
 //! assert_eq!(catalogue::effect_named("balancer"), Some(effect));
@@ -47,8 +48,10 @@ pub enum RegisterError {
     /// Another effect has this name.
     #[error("another effect is called `{0}`")]
     Taken(&'static str),
-    /// Something else than a torque at its own joint with columns of its own.
-    #[error("`{0}` is no torque at its own joint (Form::Columns, Enters::Column)")]
+    /// Something else than a torque at its own joint with columns of its own, or at several with `coupled`.
+    #[error(
+        "`{0}` is no torque at its own joint (Form::Columns, Enters::Column), nor at several (Form::Coupled, coupled)"
+    )]
     Form(&'static str),
     /// One column at least, [`MAX_COLUMNS`] at most, one shape at most, which has a grid, and a prior for each parameter.
     #[error(
@@ -131,7 +134,11 @@ fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(is_word) {
         return Err(RegisterError::Name(name));
     }
-    if (form, enters) != (Form::Columns, Enters::Column) {
+    let own_form = match effect.coupled {
+        Some(_) => Form::Coupled,
+        None => Form::Columns,
+    };
+    if (form, enters) != (own_form, Enters::Column) {
         return Err(RegisterError::Form(name));
     }
     let columns = effect.description.linear().count();
@@ -191,6 +198,7 @@ mod tests {
                 }],
                 others: &[],
                 terms: &|_, _, _| [Term::zero(); MAX_COLUMNS],
+                coupled: None,
             })
         };
         let of = |name| Description {

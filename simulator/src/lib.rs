@@ -37,7 +37,7 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
 pub use effect::{
-    Description, HiddenKind, Instant, OwnHidden, Parameter as EffectParameter, Scope,
+    CoupledTorque, Description, HiddenKind, Instant, OwnHidden, Parameter as EffectParameter, Scope,
 };
 pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide};

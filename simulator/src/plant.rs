@@ -192,9 +192,10 @@ impl Plant {
                 loads.link[j] += effect.link_torque(&seen);
                 loads.motor[j] += effect.motor_torque(&seen);
                 if let Some(before) = j.checked_sub(1) {
-                    let [own, other] = [j, before].map(|j| state.motor_dq[j]);
-                    loads.motor[j] += effect.coupled_torque(own, other);
-                    loads.motor[before] += effect.coupled_torque(other, own);
+                    let both = [j, before].map(|j| [state.motor_q[j], state.motor_dq[j]]);
+                    let [own, carrier] = effect.coupled_torque(both[0], both[1]);
+                    loads.motor[j] += own;
+                    loads.motor[before] += carrier;
                 }
                 let [positive, negative] = effect.dry_friction(&seen);
                 loads.dry[j][0] += positive;

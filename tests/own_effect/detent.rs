@@ -39,4 +39,5 @@ pub(crate) const DETENT: OwnEffect = OwnEffect {
         let x = (joints[at].q - PLACE) / s;
         [Term::rate(x * (0.5 * (1.0 - x * x)).exp()), Term::zero()]
     },
+    coupled: None,
 };

@@ -22,4 +22,5 @@ pub(crate) static TWIN: OwnHidden = OwnHidden {
         let h = 1e-4 * s;
         (energy(q + h) - energy(q - h)) / (2.0 * h)
     },
+    coupled: None,
 };

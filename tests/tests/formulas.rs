@@ -184,6 +184,132 @@ fn a_formula_over_time_is_of_one_log() {
     );
 }
 
+/// A log in which this is hidden, of a robot with a typical drive.
+fn hiding(folder: &Path, of: &str, hidden: &str, seed: &str, log: &str) {
+    let of: Vec<&str> = of.split(' ').collect();
+    let hide = ["--typical", "--hide", hidden, "--seed", seed, "-o", log];
+    done(folder, &[&["simulate"], &of[..], &hide].concat());
+}
+
+/// The error of a model on a log that its values have not seen.
+fn given(folder: &Path, command: &[&str]) -> f64 {
+    let error = &json(folder, &[command, &["--given"]].concat())["error"];
+    error["after"].as_f64().unwrap()
+}
+
+/// A cable between two joints: one potential, one value for both torques. A file that has it at another leg makes it a candidate, and both of its
+/// numbers come back.
+#[test]
+fn one_potential_moves_two_joints() {
+    let folder = folder();
+    let folder = folder.path();
+    let hidden = "FR_calf: potential(0.5*3*(q - 0.5*q.FR_thigh + 2)^2)";
+    for (seed, log) in [("5", "one.csv"), ("6", "other.csv")] {
+        hiding(folder, "--legs FR,FL --duration 12", hidden, seed, log);
+    }
+    for (file, cable) in [
+        (
+            "candidate.toml",
+            "cable = FL_calf: potential(0.5*k*(q - 0.5*q.FL_thigh + 2)^2)",
+        ),
+        (
+            "cable.toml",
+            "cable = FR_calf: potential(0.5*k*(q - r*q.FR_thigh + 2)^2)",
+        ),
+    ] {
+        drive(folder, file);
+        done(folder, &["add", cable, "-m", file]);
+    }
+    let found = json(folder, &["diagnose", "one.csv", "-m", "candidate.toml"]);
+    let steps = proprio_tests::command::steps(&found);
+    let is_cable = |step: &Value| {
+        step["step"] == "add" && step["effect"] == "cable" && step["joints"][0] == "FR_calf"
+    };
+    assert!(steps.iter().any(is_cable), "{steps:?}");
+    let fit = json(
+        folder,
+        &[
+            "identify",
+            "one.csv",
+            "-m",
+            "cable.toml",
+            "-o",
+            "fitted.toml",
+        ],
+    );
+    for (name, truth, most) in [("cable:FR_calf", 3.0, 0.1), ("cable.r:FR_calf", 0.5, 0.02)] {
+        let own = proprio_tests::command::parameter(&fit, name);
+        let [value, std] = ["value", "std"].map(|key| own[key].as_f64().unwrap());
+        let error = (value - truth).abs();
+        assert!(error < 4.0 * std && std < most, "{name}: {value} ± {std}");
+    }
+    let other = ["compare", "other.csv", "-m", "fitted.toml"];
+    let with = given(folder, &other);
+    let without = given(folder, &[&other[..], &["--without", "cable"]].concat());
+    assert!(with < 0.3 * without, "{with} {without}");
+}
+
+/// A robot on its feet with a formula in its file, and one of which a walk shows that it lacks a torque outside the catalogue.
+#[test]
+fn walks_have_formulas_too() {
+    let folder = folder();
+    let folder = folder.path();
+    let hidden = "FR_thigh: 60*max(q - 1.0, 0)";
+    for (seed, log) in [("11", "one.csv"), ("12", "other.csv")] {
+        hiding(
+            folder,
+            "--walk trot --inertia-error 0.03",
+            hidden,
+            seed,
+            log,
+        );
+    }
+    for file in ["plain.toml", "stop.toml"] {
+        drive(folder, file);
+    }
+    let stop = "stop = FR_thigh: k*max(q - q0, 0)";
+    done(folder, &["add", stop, "-m", "stop.toml"]);
+    let walk = |command: &'static str, file: &'static str| {
+        vec![command, "--free-base", "one.csv", "-m", file]
+    };
+    let fit = json(
+        folder,
+        &[walk("identify", "stop.toml"), vec!["-o", "fitted.toml"]].concat(),
+    );
+    for (name, truth, most) in [
+        ("stop:FR_thigh", 60.0, 3.0),
+        ("stop.q0:FR_thigh", 1.0, 0.01),
+    ] {
+        let own = proprio_tests::command::parameter(&fit, name);
+        let [value, std] = ["value", "std"].map(|key| own[key].as_f64().unwrap());
+        let error = (value - truth).abs();
+        assert!(error < 4.0 * std && std < most, "{name}: {value} ± {std}");
+    }
+    let other = ["compare", "--free-base", "other.csv", "-m", "fitted.toml"];
+    let with = given(folder, &other);
+    let without = given(folder, &[&other[..], &["--without", "stop"]].concat());
+    assert!(with < 0.3 * without, "{with} {without}");
+    // Found where the file does not have it, and written.
+    let found = json(folder, &walk("diagnose", "plain.toml"));
+    let formulas = found["formulas"].as_array().unwrap();
+    let own = formulas
+        .iter()
+        .find(|own| own["joint"] == "FR_thigh")
+        .unwrap();
+    assert_eq!(own["torque"], "c*max(q - p, 0)", "{own}");
+    let only = [walk("diagnose", "plain.toml"), vec!["--catalogue-only"]].concat();
+    assert!(json(folder, &only)["formulas"].is_null());
+    done(
+        folder,
+        &[walk("diagnose", "plain.toml"), vec!["--apply"]].concat(),
+    );
+    let applied = given(
+        folder,
+        &["compare", "--free-base", "other.csv", "-m", "plain.toml"],
+    );
+    assert!(applied < 1.3 * with, "{applied} {with}");
+}
+
 /// Friction that grows with the position is no effect of the catalogue: the diagnosis finds its formula, `--apply` writes it, and the file
 /// predicts the log of another motion.
 #[test]

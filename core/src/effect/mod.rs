@@ -68,7 +68,7 @@ mod torque_gain;
 mod velocity_gain;
 mod viscous;
 
-pub use own::{OwnEffect, Terms};
+pub use own::{CoupledTerms, OwnEffect, Terms};
 
 pub use description::{
     Description, Enters, Form, Grid, Input, Mjcf, Moved, Parameter, Prior, Reach, Transmission,
@@ -378,8 +378,14 @@ impl EffectKind {
         let description = self.description();
         match description.form {
             Form::Columns | Form::Clock => description.linear().count(),
+            Form::Coupled if !self.couples_with_parent() => description.linear().count(),
             _ => 0,
         }
+    }
+
+    /// Whether it couples its joint with the one that carries it, as all couplings of the catalogue do.
+    pub fn couples_with_parent(self) -> bool {
+        self.description().form == Form::Coupled && !matches!(self, Self::Own(_))
     }
 
     /// Prior of the first parameter at a joint driven by `actuator`.

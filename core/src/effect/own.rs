@@ -1,7 +1,7 @@
 //! An effect from outside the catalogue: its facts and its torque as data, so that a program can bring its own.
 //!
-//! It is a torque at its own joint ([`Form::Columns`](super::Form::Columns)), linear in all its parameters but a shape; a device, whose
-//! columns are fixed, has none.
+//! It is a torque at its own joint ([`Form::Columns`](super::Form::Columns)), or at that and others of its limb
+//! ([`Form::Coupled`](super::Form::Coupled)), linear in all its parameters but a shape; a device, whose columns are fixed, has none.
 
 use core::cmp::Ordering;
 use core::fmt;
@@ -14,6 +14,11 @@ use crate::{Real, scalar::real};
 /// the shape.
 pub type Terms = dyn Fn(&[JointState<f64>], usize, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
 
+/// The same of an effect at several joints: by the states of its limb's joints, which of them it is at, at which its torque is asked for, and the value
+/// of the shape.
+pub type CoupledTerms =
+    dyn Fn(&[JointState<f64>], usize, usize, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
+
 /// An effect from outside the catalogue. It is the same as itself alone: one of another place in memory is another one, whatever its name.
 #[derive(Clone, Copy)]
 pub struct OwnEffect {
@@ -23,8 +28,10 @@ pub struct OwnEffect {
     pub priors: &'static [Prior],
     /// The other joints of the limb that it sees, by how many places after its own they are.
     pub others: &'static [isize],
-    /// Its torque.
+    /// Its torque at its own joint.
     pub terms: &'static Terms,
+    /// Its torque at any joint of its limb, of one that couples its joint with the others that it sees.
+    pub coupled: Option<&'static CoupledTerms>,
 }
 
 impl OwnEffect {

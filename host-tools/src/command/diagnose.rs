@@ -65,7 +65,7 @@ pub(crate) struct Diagnose {
     #[command(flatten)]
     part: super::Part,
     /// Look for no formula where the catalogue leaves structure
-    #[arg(long, conflicts_with = "free_base")]
+    #[arg(long)]
     catalogue_only: bool,
     /// Print every candidate and every step, and what the logs leave open
     #[arg(short, long)]
@@ -202,7 +202,7 @@ impl Diagnose {
     fn run_free_base(&self) -> Result<String, Error> {
         let model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let underway = Underway::new("Trying friction and loads");
-        let mut diagnosis = diagnose_free_base(&self.logs, &model, |_, _| ())?;
+        let mut diagnosis = diagnose_free_base(&self.logs, &model, self.catalogue_only, |_, _| ())?;
         drop(underway);
         let told = &mut diagnosis.diagnosis;
         if let Some(path) = &self.model {

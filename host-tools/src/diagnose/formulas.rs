@@ -14,6 +14,7 @@ use crate::estimate::limb_data::LimbData;
 use crate::formula::Kind;
 use crate::formula::grammar::Border;
 use crate::identify::model_fit::parameters;
+use crate::model::{JointKind, Robot};
 use crate::select::candidate::Member;
 use crate::select::criteria::statistics::FALSE_ALARM;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
@@ -23,7 +24,7 @@ use crate::select::formulas::Asked;
 use crate::table::with_std;
 
 /// Terms of one joint: what three do not tell is no formula but a shape.
-const MOST_TERMS: usize = 3;
+pub(super) const MOST_TERMS: usize = 3;
 
 /// A formula that a log's residual has asked for, and that stands.
 #[derive(Debug, Clone, Serialize)]
@@ -48,6 +49,56 @@ pub struct FoundFormula {
 }
 
 impl FoundFormula {
+    /// At a joint of the robot, with the values that a fit has `found` for parameters of these names.
+    pub(super) fn of(
+        robot: &Robot,
+        (effect, joint): Place,
+        pick: &Pick,
+        found: impl Fn(&str) -> Option<(f64, f64)>,
+    ) -> Self {
+        let body = &robot.bodies()[joint];
+        let text = catalogue::formula_of(effect).map_or_else(
+            || pick.text.clone(),
+            |formula| robot.formula_text(formula, joint),
+        );
+        let described = effect.description().parameters.iter().enumerate();
+        let of = |(n, p): (usize, &proprio_core::effect::Parameter)| {
+            let own = found(&crate::parameter::of_effect(effect, n, &body.name));
+            let (value, std) = own.unwrap_or((f64::NAN, f64::NAN));
+            super::ParameterReport {
+                symbol: p.symbol,
+                unit: p.unit,
+                value,
+                std,
+            }
+        };
+        let parameters: Vec<super::ParameterReport> = described.map(of).collect();
+        // The parameter that is searched comes last.
+        let edge = parameters.last().map(|p| Edge {
+            value: p.value,
+            std: p.std,
+        });
+        let slides = body.kind == JointKind::Prismatic;
+        let regime = pick.border.map(|border| {
+            let (variable, edges) = match border {
+                Border::Beyond => (RegimeOf::Position, [edge, None]),
+                Border::Below => (RegimeOf::Position, [None, edge]),
+                Border::After => (RegimeOf::Time, [edge, None]),
+            };
+            Regime::new(&body.name, (variable, slides), (edges, false))
+        });
+        Self {
+            effect: effect.name(),
+            torque: text,
+            parameters,
+            regime,
+            share: pick.share,
+            chance: pick.chance,
+            rivals: pick.rivals.clone(),
+            joint: body.name.clone(),
+        }
+    }
+
     /// The words for `add`: `'q_sign_dq = FR_calf: c*q*sign(dq)'`.
     pub fn to_add(&self) -> String {
         format!("'{} = {}: {}'", self.effect, self.joint, self.torque)
@@ -163,48 +214,10 @@ fn told(
     pick: &Pick,
 ) -> FoundFormula {
     let own = &data[limb];
-    let joint = own.joint_names().swap_remove(place.1);
-    let robot = own.model.robot();
-    let text = catalogue::formula_of(place.0).map_or_else(
-        || pick.text.clone(),
-        |formula| robot.formula_text(formula, own.body_of(place.1)),
-    );
-    let named = |n: usize| crate::parameter::of_effect(place.0, n, &joint);
     let fitted = parameters(&d.found.end.fits[limb]);
-    let described = place.0.description().parameters.iter().enumerate();
-    let of = |(n, p): (usize, &proprio_core::effect::Parameter)| {
-        let estimate = fitted.iter().find(|own| own.estimate.name == named(n));
-        let [value, std] =
-            estimate.map_or([f64::NAN; 2], |own| [own.estimate.value, own.estimate.std]);
-        super::ParameterReport {
-            symbol: p.symbol,
-            unit: p.unit,
-            value,
-            std,
-        }
-    };
-    let parameters: Vec<super::ParameterReport> = described.map(of).collect();
-    // The parameter that is searched comes last.
-    let edge = parameters.last().map(|p| Edge {
-        value: p.value,
-        std: p.std,
-    });
-    let regime = pick.border.map(|border| {
-        let (variable, edges) = match border {
-            Border::Beyond => (RegimeOf::Position, [edge, None]),
-            Border::Below => (RegimeOf::Position, [None, edge]),
-            Border::After => (RegimeOf::Time, [edge, None]),
-        };
-        Regime::new(&joint, (variable, own.slides(place.1)), (edges, false))
-    });
-    FoundFormula {
-        effect: place.0.name(),
-        torque: text,
-        parameters,
-        regime,
-        share: pick.share,
-        chance: pick.chance,
-        rivals: pick.rivals.clone(),
-        joint,
-    }
+    let place = (place.0, own.body_of(place.1));
+    FoundFormula::of(own.model.robot(), place, pick, |name| {
+        let found = fitted.iter().find(|own| own.estimate.name == name)?;
+        Some((found.estimate.value, found.estimate.std))
+    })
 }

@@ -1,6 +1,6 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Enters, Form, JointState, Moved, Term};
+use proprio_core::effect::{EffectKind, Enters, Form, JointState, MAX_COLUMNS, Moved, Term};
 use proprio_core::inertia::INERTIAL;
 
 use super::values::{Place, Values, is_shared};
@@ -37,10 +37,18 @@ pub(crate) enum Column {
         shape: f64,
         n: usize,
     },
-    /// Column `n` of an effect that couples a joint with the one that carries it.
+    /// The derivative of an effect's torque in its nonlinear parameter, by a difference between two values of that, at these values of the others.
+    Shape {
+        joint: usize,
+        effect: EffectKind,
+        around: [f64; 2],
+        values: [f64; MAX_COLUMNS],
+    },
+    /// Column `n` of an effect with that shape that couples a joint with the one that carries it, or with the others that it sees.
     Coupled {
         joint: usize,
         effect: EffectKind,
+        shape: f64,
         n: usize,
     },
     /// Motion of a joint's link by parameter `n` of this effect.
@@ -84,8 +92,10 @@ impl Column {
         match self {
             Self::Inertial(..) | Self::Gravity(_) => Sees::None,
             Self::Load { .. } | Self::Scale(_) | Self::Sensor(_) => Sees::None,
-            Self::Own { effect, .. } if sees_other_joints(*effect) => Sees::All,
-            Self::Own { .. } => Sees::Own,
+            Self::Own { effect, .. } | Self::Shape { effect, .. } if sees_other_joints(*effect) => {
+                Sees::All
+            }
+            Self::Own { .. } | Self::Shape { .. } => Sees::Own,
             Self::Coupled { .. } | Self::Motion { .. } | Self::Delay => Sees::All,
         }
     }
@@ -135,13 +145,15 @@ impl Columns {
     fn of_entries(subtree_end: Vec<usize>, entries: Vec<Entry>) -> Self {
         let joints = subtree_end.len();
         let felt = |joint: usize, column: &Column| match *column {
-            Column::Own { joint: own, .. } | Column::Scale(own) => own == joint || is_shared(own),
+            Column::Own { joint: own, .. }
+            | Column::Shape { joint: own, .. }
+            | Column::Scale(own) => own == joint || is_shared(own),
             Column::Inertial(b, _) | Column::Load { body: b, .. } => {
                 (joint..subtree_end[joint]).contains(&b)
             }
-            Column::Coupled { joint: own, .. } => {
-                own == joint || parent(&subtree_end, own) == Some(joint)
-            }
+            Column::Coupled {
+                joint: own, effect, ..
+            } => couples(effect, [own, joint], parent(&subtree_end, own)),
             Column::Motion { .. } | Column::Gravity(_) | Column::Delay | Column::Sensor(_) => true,
         };
         let (mut of_joint, mut places) = (Vec::new(), Vec::new());
@@ -200,9 +212,14 @@ impl Columns {
             } => {
                 (joint == at || is_shared(joint)).then(|| effect.terms_among(states, at, shape)[n])
             }
-            Column::Coupled { joint, effect, n } => {
-                let other = self.coupled(joint, at)?;
-                Some(effect.coupled(&states[at], &states[other])[n])
+            Column::Coupled {
+                joint,
+                effect,
+                shape,
+                n,
+            } => {
+                let parent = parent(&self.subtree_end, joint);
+                Some(coupled_terms(effect, ([joint, at], parent), states, shape)?[n])
             }
             _ => None,
         }
@@ -275,6 +292,31 @@ impl Columns {
     }
 }
 
+/// Whether an effect at a joint that is carried by the `parent` is a torque at another one too: `joints` are both.
+pub(crate) fn couples(effect: EffectKind, [own, at]: [usize; 2], parent: Option<usize>) -> bool {
+    let sees = |after: &isize| own.checked_add_signed(*after) == Some(at);
+    own == at
+        || match effect.couples_with_parent() {
+            true => parent == Some(at),
+            false => effect.others().iter().any(sees),
+        }
+}
+
+/// The window terms at a joint of an effect that couples its own with others: `joints` are its own, which the `parent` carries, and the one asked of.
+pub(crate) fn coupled_terms(
+    effect: EffectKind,
+    ([own, at], parent): ([usize; 2], Option<usize>),
+    states: &[JointState<f64>],
+    shape: f64,
+) -> Option<[Term<f64>; MAX_COLUMNS]> {
+    if let EffectKind::Own(known) = effect {
+        return Some((known.coupled?)(states, own, at, shape));
+    }
+    let parent = parent?;
+    let other = if at == own { parent } else { own };
+    couples(effect, [own, at], Some(parent)).then(|| effect.coupled(&states[at], &states[other]))
+}
+
 /// Whether an effect's columns are other ones at other values.
 pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
     let description = effect.description();
@@ -309,8 +351,18 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
                 })
                 .collect()
         }
-        Form::Coupled => (0..description.parameters.len())
-            .map(|n| (n, Column::Coupled { joint, effect, n }))
+        Form::Coupled => (description.linear().enumerate())
+            .map(|(n, parameter)| {
+                (
+                    parameter,
+                    Column::Coupled {
+                        joint,
+                        effect,
+                        shape,
+                        n,
+                    },
+                )
+            })
             .collect(),
         Form::Motion(_) if description.enters == Enters::Positions => Vec::new(),
         // Friction inside a spring is told by its second encoder; what else lies between motor and link has one number that moves it.

@@ -1,8 +1,8 @@
 //! What each effect of a model adds to a joint's torque at an instant.
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
 
-use super::column::{Column, Columns};
+use super::column::{Column, Columns, coupled_terms, parent};
 use super::values::Values;
 
 /// An effect at a joint: its shape and what its columns are times.
@@ -10,8 +10,8 @@ use super::values::Values;
 pub(crate) struct Contribution {
     pub(crate) effect: EffectKind,
     pub(crate) shape: f64,
-    /// The other joint, of an effect that couples two.
-    other: Option<usize>,
+    /// Of one that couples joints its own, and the one that carries that.
+    coupled: Option<(usize, Option<usize>)>,
     numbers: Vec<(usize, f64)>,
 }
 
@@ -21,26 +21,31 @@ pub(crate) fn contributions(columns: &Columns, values: &Values) -> Vec<Vec<Contr
     let of = |(at, numbers): (usize, &Vec<f64>)| {
         let mut all: Vec<Contribution> = Vec::new();
         for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
-            let (effect, shape, other, n) = match *column {
+            let (effect, shape, coupled, n) = match *column {
                 _ if number == 0.0 => continue,
                 Column::Own {
                     effect, shape, n, ..
                 } => (effect, shape, None, n),
-                Column::Coupled { joint, effect, n } => match columns.coupled(joint, at) {
-                    other @ Some(_) => (effect, 1.0, other, n),
-                    None => continue,
-                },
+                Column::Coupled {
+                    joint,
+                    effect,
+                    shape,
+                    n,
+                } => {
+                    let parent = parent(&columns.subtree_end, joint);
+                    (effect, shape, Some((joint, parent)), n)
+                }
                 _ => continue,
             };
             match all
                 .iter_mut()
-                .find(|own| (own.effect, own.shape, own.other) == (effect, shape, other))
+                .find(|own| (own.effect, own.shape, own.coupled) == (effect, shape, coupled))
             {
                 Some(own) => own.numbers.push((n, number)),
                 None => all.push(Contribution {
                     effect,
                     shape,
-                    other,
+                    coupled,
                     numbers: vec![(n, number)],
                 }),
             }
@@ -59,8 +64,11 @@ impl Contribution {
         states: &[JointState<f64>],
         [boundary, rate]: [&mut f64; 2],
     ) {
-        let terms = match self.other {
-            Some(other) => self.effect.coupled(&states[at], &states[other]),
+        let terms = match self.coupled {
+            Some((own, parent)) => {
+                coupled_terms(self.effect, ([own, at], parent), states, self.shape)
+                    .unwrap_or([Term::zero(); MAX_COLUMNS])
+            }
             None => self.effect.terms_among(states, at, self.shape),
         };
         for &(n, number) in &self.numbers {

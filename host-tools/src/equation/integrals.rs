@@ -75,7 +75,8 @@ impl Key {
                 joint: at,
                 effect,
                 n,
-            } => Some(Self::Own {
+                ..
+            } if effect.couples_with_parent() => Some(Self::Own {
                 joint,
                 effect,
                 shape: at as u64,

@@ -23,7 +23,12 @@ impl DryFriction<'_> {
             .iter()
             .zip(&self.numbers[joint]);
         let coupled = numbers.filter_map(|(column, value)| match *column {
-            Column::Coupled { joint: at, n, .. } if *value != 0.0 => {
+            Column::Coupled {
+                joint: at,
+                effect,
+                n,
+                ..
+            } if *value != 0.0 && effect.couples_with_parent() => {
                 let other = self.columns.coupled(at, joint)?;
                 Some(value * self.coupled_jump(window, [joint, other], (column, n)))
             }

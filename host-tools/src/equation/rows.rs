@@ -463,6 +463,7 @@ impl<'a> Pass<'a> {
                 | Column::Own { .. }
                 | Column::Load { .. }
                 | Column::Scale(_)
+                | Column::Shape { .. }
                 | Column::Sensor(_) => (0.0, 0.0),
             };
         }

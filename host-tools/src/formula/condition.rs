@@ -5,6 +5,7 @@ use proprio_core::effect::JointState;
 use super::columns;
 use super::error::{FormulaError, FormulaProblem};
 use super::expression::{Expression, Signal, Variable};
+use super::law::Law;
 use super::parse::{Names, parse};
 
 /// A comparison of two sums over the signals of a limb's joints.
@@ -28,6 +29,9 @@ impl Condition {
         let sides = [&text[..n], right.strip_prefix('=').unwrap_or(right)];
         let [left, right] = sides.map(|side| {
             let parsed = parse(side, names)?;
+            if Law::of(&parsed.expression).0 != Law::Torque {
+                return Err(fault(FormulaProblem::NoComparison));
+            }
             let problem = match parsed.parameters.first() {
                 Some(name) => FormulaProblem::NoSignal(name.clone()),
                 None => match unknown(&parsed.expression) {

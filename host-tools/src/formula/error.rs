@@ -86,6 +86,9 @@ pub enum FormulaProblem {
         /// How many.
         limit: usize,
     },
+    /// A potential or a dissipation function that cannot be.
+    #[error("{0}")]
+    Law(&'static str),
     /// No condition.
     #[error("a condition compares two sums, once: `q > 1.2`, `t < 31.4`")]
     NoComparison,

@@ -81,11 +81,15 @@ pub(crate) enum Function {
     Tanh,
     Min,
     Max,
+    /// What a whole text may be: see [`Law`](super::law::Law). It has no value of its own.
+    Potential,
+    /// The same.
+    Dissipation,
 }
 
 impl Function {
     /// All, with their names in a text and how many arguments they take.
-    pub(crate) const ALL: [(&'static str, Self, usize); 11] = [
+    pub(crate) const ALL: [(&'static str, Self, usize); 13] = [
         ("abs", Self::Abs, 1),
         ("sign", Self::Sign, 1),
         ("step", Self::Step, 1),
@@ -97,6 +101,8 @@ impl Function {
         ("tanh", Self::Tanh, 1),
         ("min", Self::Min, 2),
         ("max", Self::Max, 2),
+        ("potential", Self::Potential, 1),
+        ("dissipation", Self::Dissipation, 1),
     ];
 }
 
@@ -372,6 +378,7 @@ impl Expression {
             // What is no number stays none, whichever of the two it is.
             Function::Min => of_two(|a, b| a <= b || a.is_nan()),
             Function::Max => of_two(|a, b| a >= b || a.is_nan()),
+            Function::Potential | Function::Dissipation => T::constant(f64::NAN),
         }
     }
 

@@ -54,8 +54,14 @@ const ALONE: [(&str, Option<Grid>); 3] = [
 /// By another joint of the limb, `X`. With any carrier.
 const BY_ANOTHER: [&str; 4] = ["q.X", "q.X^2", "q*q.X", "sin(q.X)"];
 
-/// Torques by another joint's motion.
-const OF_ANOTHER: [&str; 3] = ["dq.X", "sign(dq.X)", "abs(dq.X)*dq.X"];
+/// Torques by another joint's motion, and by that of a link that both turn, whichever way their axes point.
+const OF_ANOTHER: [&str; 5] = [
+    "dq.X",
+    "sign(dq.X)",
+    "abs(dq.X)*dq.X",
+    "(dq + dq.X)*abs(dq + dq.X)",
+    "(dq - dq.X)*abs(dq - dq.X)",
+];
 
 /// A function of a joint's motion with one parameter, `p`, at most.
 pub(crate) struct Factor(Expression);
@@ -78,6 +84,7 @@ impl Factor {
 }
 
 /// A term: its factors, and the text of the torque.
+#[derive(Clone)]
 pub(crate) struct Term {
     /// What multiplies; nothing for a torque of its own.
     pub(crate) carrier: Option<&'static str>,
@@ -87,9 +94,26 @@ pub(crate) struct Term {
     pub(crate) grid: Option<Grid>,
     /// Where it begins or ends, if it does at its parameter.
     pub(crate) border: Option<Border>,
+    /// Of one of [`AT_PLACES`] that, and its width, rad.
+    width: Option<(&'static str, f64)>,
 }
 
 impl Term {
+    /// Its width, rad, if it has one.
+    pub(crate) fn width(&self) -> Option<f64> {
+        self.width.map(|(_, width)| width)
+    }
+
+    /// The same with another width.
+    pub(crate) fn with_width(mut self, width: f64) -> Self {
+        if let Some((text, own)) = &mut self.width {
+            // Three digits: a width is a size, and is read.
+            *own = format!("{width:.2e}").parse::<f64>().unwrap_or(width);
+            self.factors = vec![text.replace('W', &own.to_string())];
+        }
+        self
+    }
+
     /// The text of the torque: `c*(…)*sign(dq)`.
     pub(crate) fn text(&self) -> String {
         let coefficients = match self.factors.len() {
@@ -133,6 +157,7 @@ pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
             factors,
             grid,
             border,
+            width: None,
         });
     };
     for carrier in std::iter::once("").chain(CARRIERS) {
@@ -150,19 +175,6 @@ pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
             }
         }
     }
-    for carrier in ["", "sign(dq)"] {
-        for (text, share) in AT_PLACES
-            .iter()
-            .flat_map(|text| WIDTHS.map(|share| (text, share)))
-        {
-            // Two digits: a width is a size.
-            let width = format!("{:.1e}", share * travel)
-                .parse::<f64>()
-                .unwrap_or(share);
-            let text = text.replace('W', &width.to_string());
-            put(carrier, vec![text], Some(Grid::Positions), None);
-        }
-    }
     for (text, grid) in ALONE {
         put("", vec![text.to_owned()], grid, None);
     }
@@ -170,6 +182,20 @@ pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
         for text in OF_ANOTHER {
             put("", vec![text.replace('X', &other)], None, None);
         }
+    }
+    for carrier in [None, Some("sign(dq)")] {
+        let at_places = AT_PLACES.iter();
+        let widths = at_places.flat_map(|text| WIDTHS.map(|share| (*text, share)));
+        all.extend(widths.map(|(text, share)| {
+            let term = Term {
+                carrier,
+                factors: Vec::new(),
+                grid: Some(Grid::Positions),
+                border: None,
+                width: Some((text, 0.0)),
+            };
+            term.with_width(share * travel)
+        }));
     }
     all
 }

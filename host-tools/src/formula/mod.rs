@@ -9,11 +9,14 @@
 //! - the acceleration enters by differences of momentum, f(q) q̈ = d/dt(f q̇) − ḟ q̇: no signal is differentiated twice
 //! - the sign of a velocity follows the joint's own rule of rest
 //! - the *measured* torque is no variable: an effect may not see what it explains
+//! - `potential(0.5*k*(q - r*q.FR_calf)^2)` is the torque of each of its joints, the derivative in the joint's position, and `dissipation(…)` that in
+//!   its velocity: one value for all of them
 //!
 //! Files beside:
 //!
 //! - `expression`: the tree and its value, with a slope where one is asked
 //! - `parse`: text to tree
+//! - `derivative`: of a tree in a variable; `law`: torques of several joints by one function
 //! - `columns`: tree to window columns
 //! - `grammar`: the terms that a search for an unknown torque goes through
 //! - `unit`: units, stated and found
@@ -22,9 +25,11 @@
 
 mod columns;
 mod condition;
+mod derivative;
 mod error;
 mod expression;
 pub(crate) mod grammar;
+mod law;
 mod parse;
 mod site;
 mod unit;
@@ -33,14 +38,15 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use proprio_core::effect::{
-    Description, Grid, Input, JointState, MAX_COLUMNS, MAX_PARAMETERS, OwnEffect, Parameter, Prior,
-    Varies,
+    CoupledTerms, Description, Form, Grid, Input, JointState, MAX_COLUMNS, MAX_PARAMETERS,
+    OwnEffect, Parameter, Prior, Term, Varies,
 };
 
 use columns::{Integrated, split, window_terms};
 pub(crate) use condition::Condition;
 pub use error::{FormulaError, FormulaProblem};
 use expression::{Expression, Node, Operator, Signal};
+use law::{AtJoint, Law};
 pub use parse::Names;
 use parse::parse;
 pub use site::Site;
@@ -176,14 +182,30 @@ pub fn define(
         checked(&names[n], &of(n)).map_err(|problem| fault(&whole, problem))?;
     }
     let held: Vec<Option<f64>> = (0..names.len()).map(|n| of(n).held).collect();
-    let expression = with_held(&parsed.expression, &held);
+    let (law, of_law) = Law::of(&parsed.expression);
+    let of_law = with_held(of_law, &held);
+    law.check(&of_law)
+        .map_err(|problem| fault(&whole, problem))?;
+    let nothing = || fault(&whole, FormulaProblem::Law(NOTHING_HERE));
+    let expression = law.torque(&of_law, 0).ok_or_else(nothing)?;
     let too_many = |what, limit| fault(&whole, FormulaProblem::TooMany { what, limit });
     let free = held.iter().filter(|held| held.is_none()).count();
     if names.len() > MOST_NAMES || free > MAX_PARAMETERS {
         return Err(too_many("parameters", MAX_PARAMETERS));
     }
-    let parts =
-        split(&expression, names.len()).ok_or_else(|| fault(&whole, FormulaProblem::NoFactor))?;
+    let mut parts =
+        split(&of_law, names.len()).ok_or_else(|| fault(&whole, FormulaProblem::NoFactor))?;
+    let torques = |joint: isize| -> Vec<Option<Expression>> {
+        (parts.factors.iter())
+            .map(|factor| law.torque(factor, joint))
+            .collect()
+    };
+    // What each parameter multiplies at the other joints, and at its own.
+    let others_act: Vec<AtJoint> = (law.others(&of_law).into_iter())
+        .map(|joint| (joint, torques(joint)))
+        .collect();
+    let own: Option<Vec<Expression>> = torques(0).into_iter().collect();
+    parts.factors = own.ok_or_else(nothing)?;
     if parts.linear.len() > MAX_COLUMNS {
         return Err(too_many("parameters that multiply", MAX_COLUMNS));
     }
@@ -193,17 +215,27 @@ pub fn define(
     if shapes.len() > 1 {
         return Err(too_many("parameters in which it is not linear", 1));
     }
+    let stated_whole = law.torque(Law::of(&parsed.expression).1, 0);
     let units = units(
         text,
-        &parsed.expression,
+        &stated_whole.ok_or_else(nothing)?,
         names,
         (&of, &parts.linear),
         site.slides,
     )?;
+    let integrated =
+        |factor: &Expression| Integrated::of(factor).map_err(|(e, problem)| fault(&e.at, problem));
     let columns: Vec<Integrated> = (parts.factors.iter())
-        .map(|factor| Integrated::of(factor).map_err(|(e, problem)| fault(&e.at, problem)))
+        .map(integrated)
         .collect::<Result<_, _>>()?;
-    let input = input(&expression).map_err(|problem| fault(&whole, problem))?;
+    let mut columns_of: Vec<(isize, Vec<Option<Integrated>>)> = Vec::new();
+    for (joint, factors) in &others_act {
+        let own = factors
+            .iter()
+            .map(|factor| factor.as_ref().map(integrated).transpose());
+        columns_of.push((*joint, own.collect::<Result<_, _>>()?));
+    }
+    let input = input(&of_law).map_err(|problem| fault(&whole, problem))?;
     let shape = shapes.first().map(|&n| {
         let grid = grid(&of(n), &expression, (n, &units[n]), site);
         (n, grid)
@@ -219,11 +251,15 @@ pub fn define(
             .collect()
     };
     let sets = tried.map(parameters_at);
-    site.check_finite(&expression, &parts.factors, &sets)
+    let at_others = others_act.iter().flat_map(|(_, all)| all.iter().flatten());
+    let everywhere: Vec<Expression> = parts.factors.iter().chain(at_others).cloned().collect();
+    site.check_finite(&expression, &everywhere, &sets)
         .map_err(|(at, problem)| fault(&at, problem))?;
-    let bounds = site
-        .bounds_of(kind, &parts.factors, &sets)
-        .map_err(|problem| fault(&whole, problem))?;
+    let bounds = match law {
+        Law::Torque => site.bounds_of(kind, &parts.factors, &sets),
+        _ => site.bounds_of_law((law, kind), (&parts.factors, &others_act), &sets),
+    };
+    let bounds = bounds.map_err(|problem| fault(&whole, problem))?;
     let mut parameters = Vec::new();
     let mut priors = Vec::new();
     for (n, factor, bounds) in parts
@@ -276,10 +312,12 @@ pub fn define(
             |[mean, std]| Prior { mean, std },
         ));
     }
-    let others: Vec<isize> = (expression.variables().iter())
+    let mut others: Vec<isize> = (of_law.variables().iter())
         .map(|v| v.joint)
         .filter(|joint| *joint != 0)
         .collect();
+    others.sort_unstable();
+    others.dedup();
     let varies = match (expression.variables().iter()).all(|v| {
         matches!(
             v.signal,
@@ -290,6 +328,29 @@ pub fn define(
         false => Varies::Fast,
     };
     let (count, shape_at) = (names.len(), shape.map(|(n, _)| n));
+    let parameters_of = move |shape: f64| {
+        let mut parameters = [1.0; MOST_NAMES];
+        if let Some(n) = shape_at {
+            parameters[n] = shape;
+        }
+        parameters
+    };
+    let is_coupled = !columns_of.is_empty();
+    columns_of.push((0, columns.iter().cloned().map(Some).collect()));
+    let coupled = move |joints: &[JointState<f64>], own: usize, at: usize, shape: f64| {
+        let is_felt = |(joint, _): &&(isize, _)| own.checked_add_signed(*joint) == Some(at);
+        let felt = columns_of.iter().find(is_felt);
+        // The functions name joints by their places after the effect's own.
+        let of = |n: usize| {
+            felt?
+                .1
+                .get(n)?
+                .as_ref()?
+                .term(joints, own, &parameters_of(shape)[..count])
+        };
+        std::array::from_fn(|n| of(n).unwrap_or_else(Term::zero))
+    };
+    let coupled = is_coupled.then(|| -> &'static CoupledTerms { Box::leak(Box::new(coupled)) });
     let formula = Formula {
         text: text.to_owned(),
         names: parsed.names,
@@ -300,6 +361,10 @@ pub fn define(
     };
     let effect = OwnEffect {
         description: Description {
+            form: match is_coupled {
+                true => Form::Coupled,
+                false => Form::Columns,
+            },
             name: leaked(name),
             // The same at like joints of other limbs, whose neighbours have other names.
             torque: leaked(&formula.text_at(|after| format!("{after:+}"))),
@@ -314,13 +379,10 @@ pub fn define(
         others: others.leak(),
         terms: Box::leak(Box::new(
             move |joints: &[JointState<f64>], at: usize, shape: f64| {
-                let mut parameters = [1.0; MOST_NAMES];
-                if let Some(n) = shape_at {
-                    parameters[n] = shape;
-                }
-                window_terms(&columns, joints, at, &parameters[..count])
+                window_terms(&columns, joints, at, &parameters_of(shape)[..count])
             },
         )),
+        coupled,
     };
     Ok((effect, formula))
 }
@@ -354,20 +416,7 @@ const NO_JOINTS: Names = Names {
 /// # Errors
 /// [`FormulaError`]: as [`define`] has it; parameters, accelerations and other joints are refused.
 pub fn torque(text: &str) -> Result<impl Fn(&Instant) -> f64 + Sync + use<>, FormulaError> {
-    let parsed = parse(text, NO_JOINTS)?;
-    let whole = 0..text.len();
-    if !parsed.parameters.is_empty() {
-        let problem = FormulaProblem::NoNumber(parsed.parameters.join(", "));
-        return Err(FormulaError::new(text, &whole, problem));
-    }
-    let mut variables = parsed.expression.variables().into_iter();
-    if variables.any(|v| v.signal == Signal::Acceleration) {
-        return Err(FormulaError::new(
-            text,
-            &whole,
-            FormulaProblem::Acceleration,
-        ));
-    }
+    let torque = simulated(text, NO_JOINTS, 0)?;
     Ok(move |instant: &Instant| {
         let state = JointState {
             speed_noise: SLOW,
@@ -376,9 +425,66 @@ pub fn torque(text: &str) -> Result<impl Fn(&Instant) -> f64 + Sync + use<>, For
             time: instant.t,
             ..JointState::reported(instant.q, instant.dq, 0.0)
         };
-        columns::value(&parsed.expression, &[state], 0, &[])
+        columns::value(&torque, &[state], 0, &[])
     })
 }
+
+/// Torques of a joint and of the one that carries it, N m, by each one's position (rad) and velocity (rad/s).
+pub type TwoTorques = Box<dyn Fn([f64; 2], [f64; 2]) -> [f64; 2] + Sync>;
+
+/// The torques, N m, of a joint and of the one that carries it by one function of both, all of whose numbers are in the text: by each one's position,
+/// rad, and velocity, rad/s. `None` of a text that is the torque of its own joint alone.
+///
+/// # Errors
+/// As [`torque`]; other joints than these two are refused.
+pub fn coupled_torque(text: &str, names: Names) -> Result<Option<TwoTorques>, FormulaError> {
+    let parsed = parse(text, names)?;
+    let (law, of) = Law::of(&parsed.expression);
+    let others = law.others(of);
+    if others.is_empty() {
+        return Ok(None);
+    }
+    let other = |v: &expression::Variable| !matches!(v.joint, 0 | -1);
+    if of.variables().iter().any(other) {
+        let problem =
+            FormulaProblem::Law("a simulated coupling is of a joint and the one before it");
+        return Err(FormulaError::new(text, &(0..text.len()), problem));
+    }
+    let own = simulated(text, names, 0)?;
+    let before = simulated(text, names, -1)?;
+    Ok(Some(Box::new(move |joint: [f64; 2], carrier: [f64; 2]| {
+        let states = [carrier, joint].map(|[q, dq]| JointState {
+            speed_noise: SLOW,
+            ..JointState::reported(q, dq, 0.0)
+        });
+        [&own, &before].map(|torque| columns::value(torque, &states, 1, &[]))
+    })))
+}
+
+/// The torque of a joint so many places after the text's own, without parameters or accelerations.
+fn simulated(text: &str, names: Names, joint: isize) -> Result<Expression, FormulaError> {
+    let parsed = parse(text, names)?;
+    let whole = 0..text.len();
+    let fault = |problem| Err(FormulaError::new(text, &whole, problem));
+    if !parsed.parameters.is_empty() {
+        return fault(FormulaProblem::NoNumber(parsed.parameters.join(", ")));
+    }
+    let (law, of) = Law::of(&parsed.expression);
+    if let Err(problem) = law.check(of) {
+        return fault(problem);
+    }
+    let mut variables = of.variables().into_iter();
+    if variables.any(|v| v.signal == Signal::Acceleration) {
+        return fault(FormulaProblem::Acceleration);
+    }
+    match law.torque(of, joint) {
+        Some(torque) => Ok(torque),
+        None => fault(FormulaProblem::Law(NOTHING_HERE)),
+    }
+}
+
+/// Why a function of several joints is none of this one.
+const NOTHING_HERE: &str = "each term has to depend on the joint that the formula is at";
 
 /// Most names of parameters in a formula, those that are held among them.
 const MOST_NAMES: usize = 8;
@@ -564,15 +670,22 @@ fn place_among(expression: &Expression, n: usize) -> Option<Signal> {
     found
 }
 
-/// Whether a parameter is a factor of a position.
+/// Whether a parameter is a factor of a position of which a function is taken; one of a sum of positions is a ratio.
 fn multiplies_position(expression: &Expression, n: usize) -> bool {
     let mut found = false;
-    expression.each(&mut |e| {
+    let mut look = |e: &Expression| {
         if let Node::Binary(Operator::Times, left, right) = &e.node {
             let has = |e: &Expression| e.has(&|node| *node == Node::Parameter(n));
             let moves =
                 |e: &Expression| (e.variables().iter()).any(|v| v.signal == Signal::Position);
             found |= has(left) && moves(right) || has(right) && moves(left);
+        }
+    };
+    expression.each(&mut |e| {
+        if let Node::Call(_, arguments) = &e.node {
+            arguments
+                .iter()
+                .for_each(|argument| argument.each(&mut look));
         }
     });
     found

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::error::{FormulaError, FormulaProblem};
 use super::expression::{Expression, Function, Node, Operator, Signal, Variable};
+use super::law::Law;
 
 /// No formula for a joint's torque has more characters; it keeps what is shown and searched bounded.
 const MOST_CHARACTERS: usize = 500;
@@ -54,6 +55,11 @@ pub(super) fn parse(text: &str, names: Names) -> Result<Parsed, FormulaError> {
     let expression = parser.sum()?;
     if let Some(token) = parser.peek() {
         return Err(parser.missing("an operator", token.at.clone()));
+    }
+    if let Some(part) = Law::within(&expression) {
+        let problem =
+            FormulaProblem::Law("a potential or a dissipation function is a whole formula");
+        return Err(FormulaError::new(text, &part.at, problem));
     }
     parser.parsed.expression = expression;
     Ok(parser.parsed)

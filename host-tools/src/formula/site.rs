@@ -7,6 +7,7 @@ use proprio_core::effect::{Grid, JointState};
 use super::columns::value;
 use super::error::FormulaProblem;
 use super::expression::{Expression, Function, Node, Operator, Scope, Signal, Variable};
+use super::law::{AtJoint, Law};
 use super::{Kind, Names};
 
 /// Points of the range at which a formula is tried; a fifth of them at rest or at the range's middle.
@@ -236,31 +237,77 @@ impl Site<'_> {
                 }
             }
             Kind::Dissipative => (factors.iter())
-                .map(|factor| {
-                    let [gained, lost] = self.power(factor, sets);
-                    let most = gained.1.max(lost.1);
-                    match (gained.1 <= ROUNDING * most, lost.1 <= ROUNDING * most) {
-                        (true, _) => Ok([0.0, f64::INFINITY]),
-                        (_, true) => Ok([f64::NEG_INFINITY, 0.0]),
-                        _ => Err(wrong(format!(
-                            "it gives energy at {} and takes it at {}",
-                            gained.0, lost.0
-                        ))),
-                    }
-                })
+                .map(|factor| self.one_sign(kind, &[(0, factor)], sets))
                 .collect(),
         }
     }
 
-    /// The greatest power that a factor gives to the motion and the greatest that it takes, each with where.
-    fn power(&self, factor: &Expression, sets: &[Vec<f64>]) -> [(String, f64); 2] {
+    /// The same of torques of several joints by one function: of the own one what each parameter multiplies, and of the others.
+    pub(super) fn bounds_of_law(
+        &self,
+        (law, kind): (Law, Kind),
+        (own, others): (&[Expression], &[AtJoint]),
+        sets: &[Vec<f64>],
+    ) -> Result<Vec<[f64; 2]>, FormulaProblem> {
+        let wrong = |why: &str| {
+            Err(FormulaProblem::Kind {
+                kind: kind.name(),
+                why: why.to_owned(),
+            })
+        };
+        match (law, kind) {
+            (Law::Dissipation, Kind::Free | Kind::Dissipative) => {}
+            (Law::Dissipation, _) => return wrong("it is a dissipation function"),
+            (_, Kind::Free | Kind::Conservative) => {
+                return Ok(vec![[f64::NEG_INFINITY, f64::INFINITY]; own.len()]);
+            }
+            _ => return wrong("it is a potential"),
+        }
+        let of = |n: usize| {
+            let others = others.iter();
+            let others = others.filter_map(|(joint, all)| Some((*joint, all.get(n)?.as_ref()?)));
+            let all: Vec<(isize, &Expression)> =
+                std::iter::once((0, &own[n])).chain(others).collect();
+            self.one_sign(Kind::Dissipative, &all, sets)
+        };
+        (0..own.len()).map(of).collect()
+    }
+
+    /// The bounds of a parameter that multiplies these torques of joints, so that they take energy and give none.
+    fn one_sign(
+        &self,
+        kind: Kind,
+        torques: &[(isize, &Expression)],
+        sets: &[Vec<f64>],
+    ) -> Result<[f64; 2], FormulaProblem> {
+        let [gained, lost] = self.power(torques, sets);
+        let most = gained.1.max(lost.1);
+        match (gained.1 <= ROUNDING * most, lost.1 <= ROUNDING * most) {
+            (true, _) => Ok([0.0, f64::INFINITY]),
+            (_, true) => Ok([f64::NEG_INFINITY, 0.0]),
+            _ => Err(FormulaProblem::Kind {
+                kind: kind.name(),
+                why: format!("it gives energy at {} and takes it at {}", gained.0, lost.0),
+            }),
+        }
+    }
+
+    /// The greatest power that torques of joints give to the motion and the greatest that it takes, each with where.
+    fn power(&self, torques: &[(isize, &Expression)], sets: &[Vec<f64>]) -> [(String, f64); 2] {
         let mut most = [(String::new(), 0.0), (String::new(), 0.0)];
         let own = self.names.own;
         for parameters in sets {
             for n in 0..POINTS {
                 let joints = self.point(n);
                 // The torque that the motor has to give beyond the rest: positive power is taken from the motion.
-                let taken = self.value(factor, &joints, parameters) * joints[own].dq;
+                let power = |(joint, torque): &(isize, &Expression)| {
+                    let at = own.checked_add_signed(*joint);
+                    let speed = at
+                        .and_then(|at| joints.get(at))
+                        .map_or(0.0, |state| state.dq);
+                    self.value(torque, &joints, parameters) * speed
+                };
+                let taken: f64 = torques.iter().map(power).sum();
                 let of = usize::from(taken > 0.0);
                 if taken.abs() > most[of].1 {
                     let [q, dq] = [joints[own].q, joints[own].dq];

@@ -445,3 +445,99 @@ fn slope_is_right(e: &Expression, joints: &[JointState<f64>], text: &str) -> boo
     );
     true
 }
+
+/// A derivative is the slope of the dual numbers, at every node that an expression may have.
+#[test]
+fn derivatives_are_the_slopes_of_dual_numbers() {
+    for text in [
+        "c*q^3 - 2*q*q.thigh + q.thigh^2",
+        "c*sin(3*q)*cos(q.thigh) + exp(-((q + 1)/0.3)^2)",
+        "c*max(q + 1.5, 0)^2 + min(q, q.thigh)*q + tanh(q/0.2)",
+        "c*abs(q + 1.4)*q + log(4 + q) + sqrt(5 + q*q.thigh) + 1/(4 + q)",
+        "c*2^q + sign(q + 1.3)*q + step(q + 1.3)*q^2 - (-q.thigh)",
+    ] {
+        let e = parse(text, site().names).unwrap().expression;
+        for joint in [0, -1] {
+            let by = Variable {
+                signal: Signal::Position,
+                joint,
+            };
+            let slope = derivative::derivative(&e, by).unwrap();
+            for joints in states() {
+                let dual = e.value(&Scope {
+                    variable: &|v: Variable| Dual {
+                        value: joints[2usize.checked_add_signed(v.joint).unwrap()].q,
+                        slope: if v == by { 1.0 } else { 0.0 },
+                    },
+                    direction: &|_| Dual {
+                        value: f64::NAN,
+                        slope: f64::NAN,
+                    },
+                    parameters: &[0.7],
+                });
+                let own = columns::value(&slope, &joints, 2, &[0.7]);
+                let error = (own - dual.slope).abs();
+                assert!(
+                    error <= 1e-12 * own.abs().max(1.0),
+                    "{text}: {own} {dual:?}"
+                );
+            }
+        }
+    }
+}
+
+/// One value at both joints, and no energy made: the torques of a potential are its slopes, those of a dissipation function take power.
+#[test]
+fn torques_of_several_joints_come_from_one_function() {
+    let cable = defined("potential(0.5*k*(q - r*q.thigh - 0.3)^2)");
+    let symbols = |own: &OwnEffect| -> Vec<(&str, &str)> {
+        let parameters = own.description.parameters.iter();
+        parameters.map(|p| (p.symbol, p.unit)).collect()
+    };
+    assert_eq!(symbols(&cable), [("k", "N m/rad"), ("r", "1")]);
+    assert_eq!(
+        (cable.description.form, cable.others),
+        (Form::Coupled, &[-1][..])
+    );
+    let energy = |joints: &[JointState<f64>]| 0.5 * (joints[2].q - 0.4 * joints[1].q - 0.3).powi(2);
+    for joints in states() {
+        for at in 0..3 {
+            let [own, _] = (cable.coupled.unwrap())(&joints, 2, at, 0.4);
+            let moved = |by: f64| {
+                let mut joints = joints.clone();
+                joints[at].q += by;
+                energy(&joints)
+            };
+            let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((own.rate - slope).abs() < 1e-8, "{at}: {own:?} {slope}");
+        }
+        let [own, _] = (cable.terms)(&joints, 2, 0.4);
+        let [same, _] = (cable.coupled.unwrap())(&joints, 2, 2, 0.4);
+        assert_eq!(own, same);
+    }
+    let damper = defined("dissipation(0.5*d*(dq - dq.thigh)^2)");
+    assert_eq!(symbols(&damper), [("d", "N m s/rad")]);
+    assert_eq!(damper.description.parameters[0].lower, 0.0);
+    for joints in states() {
+        let speed = |j: usize| joints[j].speed;
+        for (at, sign) in [(2, 1.0), (1, -1.0)] {
+            let [own, _] = (damper.coupled.unwrap())(&joints, 2, at, 1.0);
+            let torque = sign * (speed(2) - speed(1));
+            assert!((own.rate - torque).abs() < 1e-12, "{own:?} {torque}");
+        }
+    }
+    for (text, said) in [
+        ("potential(c*q*dq)", "of positions alone"),
+        (
+            "dissipation(c*tau_rigid*dq)",
+            "velocities and positions alone",
+        ),
+        ("potential(c*q.thigh^2)", "depend on the joint"),
+        ("c*potential(q^2)", "is a whole formula"),
+        ("dissipation(c*dq*dq.thigh)", "gives energy"),
+        ("potential(c*q*sqrt(q.thigh - 1))", "not finite"),
+    ] {
+        let error = refused(text).to_string();
+        assert!(error.contains(said), "{text}: {error}");
+    }
+}

@@ -356,7 +356,9 @@ impl Units<'_> {
             Node::Call(function, arguments) => {
                 let first = &arguments[0];
                 match function {
-                    Function::Abs => self.check(first, known)?,
+                    Function::Abs | Function::Potential | Function::Dissipation => {
+                        self.check(first, known)?
+                    }
                     Function::Sqrt => self.check(first, known)?.map(|of| Found {
                         unit: of.unit.power(0.5),
                         ..of

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, Moved};
+use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, MAX_COLUMNS, Moved};
 use proprio_core::inertia::INERTIAL;
 
 use super::legged::Legged;
@@ -18,26 +18,26 @@ use crate::model::{BASE, Model};
 /// base's axes.
 pub(crate) const SENSORS: usize = 18;
 
-/// Whether a walk's rows have columns of an effect.
+/// Of a nonlinear parameter's derivative: half the difference between the two values that it is taken of, as a share of its size, which is this at least
+/// (rad, rad/s, s). Smooth torques bend less over it than a part in a thousand; where one begins at the parameter, samples lie between the two.
+const STEP: f64 = 0.01;
+const LEAST_SIZE: f64 = 0.1;
+
+/// Whether a walk's rows can have columns of an effect.
 ///
 /// What lies between motor and link, and what a motor makes of what it is asked for, follow the torque to a part in a hundred, and a stance leaves that
 /// open; what a motor does not give beyond its limit is made of the torque that it explains; positions determine a velocity's gain; gravity's direction and forces at feet are measured and projected out. A
-/// walk's motors have no temperature here. A gait repeats its path, so that all it leaves is periodic in position: of MuJoCo's trots of 4.5 s harmonics of
-/// the gear took away 4 % of the squares where there is none.
+/// walk's motors have no temperature here.
 pub(crate) fn is_judged(effect: EffectKind) -> bool {
     let facts = effect.description();
     match facts.form {
         Form::Columns => {
-            let harmonics = matches!(
-                facts.searched(),
-                Some((_, Grid::Harmonics | Grid::Frequencies))
-            );
             facts.enters == Enters::Column
                 && !matches!(
                     facts.input,
-                    Input::Temperature | Input::MotorTorque | Input::Limb | Input::Base
+                    Input::Temperature | Input::MotorTorque | Input::Base
                 )
-                && !harmonics
+                && (catalogue::formula_of(effect).is_some() || !is_periodic(effect))
         }
         Form::Coupled | Form::Scale | Form::Clock | Form::Inertia => true,
         Form::Motion(moved) => moved == Moved::Zero,
@@ -45,13 +45,28 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
     }
 }
 
-/// All that rows of a walk can have columns of.
-pub(crate) fn all_places(robot: &Legged) -> Vec<Place> {
-    let effects = catalogue::effects().filter(|effect| is_judged(*effect));
+/// Whether an effect is periodic in the position. A gait repeats its path, so that all it leaves is, too: of MuJoCo's trots of 4.5 s harmonics of
+/// the gear took away 4 % of the squares where there is none. Such an effect is never proposed; a formula that a model has was stated by its owner.
+fn is_periodic(effect: EffectKind) -> bool {
+    let searched = effect.description().searched();
+    matches!(searched, Some((_, Grid::Harmonics | Grid::Frequencies)))
+}
+
+/// All that a model of a walking robot might have: the catalogue, and its own formulas at other joints.
+pub(crate) fn all_places(model: &Model, robot: &Legged) -> Vec<Place> {
+    let effects = catalogue::effects().chain(model.formulas());
+    let effects = effects.filter(|effect| is_judged(*effect) && !is_periodic(*effect));
     let places = effects.flat_map(|effect| {
         let form = effect.description().form;
-        let joints = (0..robot.joints())
-            .filter(move |&joint| form != Form::Coupled || robot.parents[joint].is_some());
+        let sees = move |joint: usize, after: isize| {
+            let other = joint.checked_add_signed(after);
+            let other = other.filter(|other| *other < robot.joints());
+            other.is_some_and(|other| robot.limb_of(other) == robot.limb_of(joint))
+        };
+        let joints = (0..robot.joints()).filter(move |&joint| {
+            (!effect.couples_with_parent() || robot.parents[joint].is_some())
+                && effect.others().iter().all(|after| sees(joint, *after))
+        });
         let base = (form == Form::Inertia).then_some(BASE);
         joints.chain(base).map(move |joint| (effect, joint))
     });
@@ -138,6 +153,40 @@ impl EffectSite {
             own.column = column;
         }
         self
+    }
+
+    /// Gives it a column of the derivative in its nonlinear parameter where the others have these `values`; none where it has none or is found by the
+    /// motion before.
+    pub(super) fn add_derivative(&mut self, (model, robot): (&Model, &Legged), values: &[f64]) {
+        let (effect, joint) = self.place;
+        let description = effect.description();
+        let Some((parameter, _)) = description.searched() else {
+            return;
+        };
+        if description.form != Form::Columns || description.input == Input::Bristles {
+            return;
+        }
+        let described = &description.parameters[parameter];
+        let step = STEP * self.shape.abs().max(LEAST_SIZE);
+        let mut own = [0.0; MAX_COLUMNS];
+        own.iter_mut().zip(values).for_each(|(own, x)| *own = *x);
+        let (mean, std) = prior((model, robot), self.place, parameter);
+        self.linear.push(Linear {
+            parameter,
+            neutral: self.shape,
+            column: Column::Shape {
+                joint,
+                effect,
+                around: [self.shape - step, self.shape + step],
+                values: own,
+            },
+            prior: Bounded {
+                mean: mean - self.shape,
+                std,
+                lower: described.lower - self.shape,
+                upper: described.upper - self.shape,
+            },
+        });
     }
 
     /// As something that a model might lack: as likely on either side of nothing.

@@ -104,21 +104,38 @@ impl Data {
 
     /// What parameters leave of each equation, log after log and window by window.
     pub(crate) fn left(&self, walks: &Walks, theta: &DVector<f64>) -> Vec<Vec<LeftOfWindow>> {
+        self.left_with(walks, theta, (&[], 1))
+    }
+
+    /// The same with these columns of one window in `every` so many.
+    pub(crate) fn left_with(
+        &self,
+        walks: &Walks,
+        theta: &DVector<f64>,
+        (columns, every): (&[usize], usize),
+    ) -> Vec<Vec<LeftOfWindow>> {
         let logs = walks.walks.iter().enumerate();
         let of = |(n, (walk, stance)): (usize, &(Walk, Stance))| {
-            let mut windows: Vec<LeftOfWindow> = Vec::new();
+            let (mut windows, mut count) = (Vec::<LeftOfWindow>::new(), 0);
             let (at, outside) = (self.linearised(n), &self.outside[n]);
-            let asked = |k: usize| theta[k] != 0.0;
+            let asked = |k: usize| theta[k] != 0.0 || columns.binary_search(&k).is_ok();
             each_row(walk, stance, at, outside, asked, |row| {
                 let start_us = (row.start * 1e6).round() as u64;
                 if row.rank > 0 {
-                    windows.push(LeftOfWindow {
-                        start_us,
-                        measured: vec![f64::NAN; walks.robot.coordinates()],
-                        left: vec![f64::NAN; walks.robot.coordinates()],
-                    });
+                    count += 1;
+                    if (count - 1) % every == 0 {
+                        windows.push(LeftOfWindow {
+                            start_us,
+                            measured: vec![f64::NAN; walks.robot.coordinates()],
+                            left: vec![f64::NAN; walks.robot.coordinates()],
+                            columns: vec![Vec::new(); walks.robot.coordinates()],
+                        });
+                    }
                 }
-                if let Some(own) = windows.last_mut() {
+                let own = windows.last_mut();
+                if let Some(own) = own.filter(|own| own.start_us == start_us) {
+                    let chosen = columns.iter().map(|k| row.numbers[*k]);
+                    own.columns[row.coordinate] = chosen.collect();
                     let measured = row.numbers[theta.len()];
                     let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
                     own.measured[row.coordinate] = measured;
@@ -349,6 +366,8 @@ pub(crate) struct LeftOfWindow {
     pub(crate) start_us: u64,
     pub(crate) measured: Vec<f64>,
     pub(crate) left: Vec<f64>,
+    /// The columns that were asked for, in the order of that.
+    pub(crate) columns: Vec<Vec<f64>>,
 }
 
 /// An equation of a window, in N m (N of forces): what is measured, and what models say.

@@ -16,7 +16,7 @@
 //!    one window, as [`proprio_core::window::FreeBaseWindow`] has them. `rows`: of all, row by row.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `outside`: windows that no model of the catalogue explains.
 //!    `unseen`: those of a foot that is taken to be in the air and is not. `data`: the rows as one factor per block of time.
-//! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `doubtful`: sensors that are found farther
+//! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `shapes`: nonlinear parameters. `doubtful`: sensors that are found farther
 //!    off than is believed of them. `refinement`: rows made near the fit, without the windows that
 //!    are outside, and without priors that they refute. `rungs`: what every result is held against. `expected`: what a motion would tell before it is played.
 
@@ -39,6 +39,7 @@ mod row_setup;
 mod rows;
 pub(crate) mod rungs;
 pub(crate) mod sensors;
+pub(crate) mod shapes;
 mod speed;
 mod stance;
 mod stiction;

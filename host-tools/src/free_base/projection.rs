@@ -5,7 +5,9 @@
 //! e = d(boundary)/dt + rate the window's column is Σ P D S_j (half the differences of the boundary to both sides + rate × the time that the sample stands
 //! for), the same sum as the core's.
 
-use proprio_core::effect::{Input, JointState, Term};
+use std::ops::Range;
+
+use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Term};
 
 use super::channels::Channels;
 use super::columns::{EffectSite, WalkColumns};
@@ -14,9 +16,10 @@ use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
-use crate::equation::column::Column;
+use crate::equation::column::{Column, coupled_terms, couples};
 use crate::equation::free_tree::{OF_BASE, Pose};
 use crate::equation::presliding::Way;
+use crate::equation::values::Place;
 use crate::log::BRIDGED;
 
 /// What the rows are made at, what the sensors read, and which feet may carry a force.
@@ -126,11 +129,30 @@ impl<'a> Projection<'a> {
         &self.span.samples
     }
 
-    /// What effects see of a joint at each of them; no bristles.
-    pub(crate) fn joint_states(&self, joint: usize) -> Vec<JointState<f64>> {
+    /// What a torque at a joint at each of them gives an equation: its mean over the window.
+    pub(crate) fn weights(&self, joint: usize, coordinate: usize) -> Vec<f64> {
+        let halves = self.span.halves.iter().zip(&self.passes);
+        let of = |([before, after], passes): (&[f64; 2], &Vec<f64>)| {
+            passes[self.width * joint + coordinate] * (before + after) / self.span.seconds
+        };
+        halves.map(of).collect()
+    }
+
+    /// When each of them is, s, and what effects see of these joints then; no bristles.
+    pub(crate) fn seen(&self, joints: &Range<usize>) -> Vec<(f64, Vec<JointState<f64>>)> {
+        let samples = self.span.samples.iter().map(|&n| {
+            let all = joints.clone();
+            let all = all.map(|j| self.states.joint(n, j, usize::MAX));
+            (self.states.walk.seconds(n), all.collect())
+        });
+        samples.collect()
+    }
+
+    /// The window terms of an effect's columns at each of them; without bristles.
+    pub(crate) fn terms(&self, place: Place, shape: f64) -> Vec<[Term<f64>; MAX_COLUMNS]> {
         let samples = self.span.samples.iter();
         samples
-            .map(|&n| self.states.joint(n, joint, usize::MAX))
+            .map(|&n| self.states.terms(n, place, shape, usize::MAX))
             .collect()
     }
 
@@ -189,17 +211,43 @@ impl<'a> JointStates<'a> {
                 effect,
                 shape,
                 n,
+            } => tell(joint, &|k| self.terms(k, (effect, joint), shape, site)[n]),
+            Column::Shape {
+                joint,
+                effect,
+                around: [below, above],
+                values,
             } => tell(joint, &|k| {
-                effect.terms(&self.joint(k, joint, site), shape)[n]
-            }),
-            Column::Coupled { joint, effect, n } => {
-                let Some(above) = self.parents[joint] else {
-                    return;
+                let [less, more] =
+                    [below, above].map(|shape| self.terms(k, (effect, joint), shape, site));
+                let slope = |of: &dyn Fn(&Term<f64>) -> f64| {
+                    let columns = values.iter().zip(less.iter().zip(&more));
+                    let change = columns.map(|(x, (less, more))| x * (of(more) - of(less)));
+                    change.sum::<f64>() / (above - below)
                 };
-                for (own, other) in [(joint, above), (above, joint)] {
+                Term {
+                    boundary: slope(&|term| term.boundary),
+                    rate: slope(&|term| term.rate),
+                }
+            }),
+            Column::Coupled {
+                joint,
+                effect,
+                shape,
+                n,
+            } => {
+                let (all, parent) = (self.walk.q.width(), self.parents[joint]);
+                for at in (0..all).filter(|at| couples(effect, [joint, *at], parent)) {
+                    let other = if at == joint { parent } else { Some(joint) };
                     let state = |k: usize, j: usize| self.joint(k, j, site);
-                    tell(own, &|k| {
-                        effect.coupled(&state(k, own), &state(k, other))[n]
+                    tell(at, &|k| {
+                        // Of the catalogue's, which are many, no more states are made than two.
+                        if let (true, Some(other)) = (effect.couples_with_parent(), other) {
+                            return effect.coupled(&state(k, at), &state(k, other))[n];
+                        }
+                        let states: Vec<_> = (0..all).map(|j| state(k, j)).collect();
+                        let terms = coupled_terms(effect, ([joint, at], parent), &states, shape);
+                        terms.map_or_else(Term::zero, |terms| terms[n])
                     });
                 }
             }
@@ -210,6 +258,23 @@ impl<'a> JointStates<'a> {
             }),
             _ => {}
         }
+    }
+
+    /// The window terms of an effect's columns at sample n, as it sees its limb by its number among those of the columns.
+    fn terms(
+        &self,
+        n: usize,
+        (effect, joint): Place,
+        shape: f64,
+        site: usize,
+    ) -> [Term<f64>; MAX_COLUMNS] {
+        if effect.others().is_empty() {
+            return effect.terms(&self.joint(n, joint, site), shape);
+        }
+        // Its others are counted from its own joint, so that all joints stand for the limb's.
+        let joints = 0..self.walk.q.width();
+        let joints: Vec<_> = joints.map(|j| self.joint(n, j, site)).collect();
+        effect.terms_among(&joints, joint, shape)
     }
 
     /// Of joint j at sample n, as an effect sees it by its number among those of the columns.

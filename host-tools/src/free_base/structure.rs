@@ -129,7 +129,7 @@ impl ModelStructure {
 
     /// All that it might lack.
     pub(crate) fn candidates(&self, model: &Model) -> Vec<EffectSite> {
-        let lacking = all_places(&self.robot)
+        let lacking = all_places(model, &self.robot)
             .into_iter()
             .filter(|place| !self.has(*place));
         lacking

@@ -12,18 +12,21 @@ use serde::Serialize;
 use super::NotAModel;
 use super::bodies::{OtherBody, other_bodies};
 use super::to_model::set_joint;
+use crate::catalogue;
 use crate::detect::ladder::Yardsticks;
-use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
+use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status, find};
+use crate::free_base::columns::EffectSite;
 use crate::free_base::data::Data;
 use crate::free_base::doubtful;
 use crate::free_base::fit::{Deviations, Fit, rms};
 use crate::free_base::legged::Legged;
 use crate::free_base::rungs::rungs;
 use crate::free_base::sensors::NAMES;
+use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::log::Samples;
-use crate::model::{BASE, Model, Provenance};
+use crate::model::{BASE, Impossible, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
 use crate::summary::ErrorRange;
 use crate::table::{Table, with_std};
@@ -42,6 +45,7 @@ pub fn identify_free_base(
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let (data, structure) = Data::believed(&walks, structure, &[])?;
+    let (data, structure) = shapes::settled((&walks, model), data, structure)?;
     FreeBaseIdentification::of(logs, (walks, model), &data, &structure)
         .ok_or(FreeBaseError::Unsolvable)
 }
@@ -97,6 +101,9 @@ pub struct FreeBaseIdentification {
     /// The joints.
     #[serde(skip)]
     joints: Vec<String>,
+    /// The model's effects.
+    #[serde(skip)]
+    effects: Vec<EffectSite>,
 }
 
 impl FreeBaseIdentification {
@@ -138,6 +145,7 @@ impl FreeBaseIdentification {
                 .map(|foot| foot.name.clone())
                 .collect(),
             joints: structure.robot.names.clone(),
+            effects: structure.effects.clone(),
         })
     }
 
@@ -148,7 +156,7 @@ impl FreeBaseIdentification {
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        estimate::find(&self.parameters, name)
+        find(&self.parameters, name)
     }
 
     /// The robot's `model` with the bodies and effects identified, its trunk too, their standard deviations, and `provenance`.
@@ -157,14 +165,7 @@ impl FreeBaseIdentification {
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut model = model.clone();
-        let joints = self.joints.iter().map(String::as_str).enumerate();
-        let bodies = std::iter::once((BASE, "base")).chain(joints);
-        for (body, of) in bodies {
-            set_joint(&self.parameters, &mut model, body, of).map_err(|fault| NotAModel {
-                of: of.to_owned(),
-                fault,
-            })?;
-        }
+        set_walk(&self.parameters, &self.effects, &mut model)?;
         model.set_provenance(provenance);
         Ok(model)
     }
@@ -272,6 +273,49 @@ pub(crate) fn without_loaded(
     let told: Vec<String> = loaded.flat_map(|(of, _)| of_loaded(of)).collect();
     let others = values.iter().filter(|value| !told.contains(&value.name));
     others.cloned().collect()
+}
+
+/// Sets each body and each effect of a `model` to what walks were found to say of them, in the order of bodies.
+pub(crate) fn set_walk(
+    found: &[ParameterEstimate],
+    effects: &[EffectSite],
+    model: &mut Model,
+) -> Result<(), NotAModel> {
+    let joints = model.robot().bodies().iter();
+    let joints: Vec<String> = joints.map(|body| body.name.clone()).collect();
+    let joints = joints.iter().map(String::as_str).enumerate();
+    for (body, of) in std::iter::once((BASE, "base")).chain(joints) {
+        let named = |fault| NotAModel {
+            of: of.to_owned(),
+            fault,
+        };
+        set_joint(found, model, body, of).map_err(named)?;
+        for site in effects.iter().filter(|site| site.place.1 == body) {
+            set_effect(found, site, model, of).map_err(named)?;
+        }
+    }
+    Ok(())
+}
+
+/// Sets what [`set_joint`] does not know of an effect: of a formula its first parameter, of all the others.
+fn set_effect(
+    found: &[ParameterEstimate],
+    site: &EffectSite,
+    model: &mut Model,
+    of: &str,
+) -> Result<(), Impossible> {
+    let (effect, joint) = site.place;
+    let first = usize::from(catalogue::formula_of(effect).is_none());
+    for n in first..effect.description().parameters.len() {
+        let found = find(found, &parameter::of_effect(effect, n, of));
+        let (value, std) = match found {
+            Some(own) => (own.value, Some(own.std)),
+            None if effect.description().shape() == Some(n) => (site.shape, None),
+            None => continue,
+        };
+        model.set_parameter(effect, joint, n, value, std)?;
+    }
+    Ok(())
 }
 
 /// What is told of all parameters of a walk's fit: bodies, effects, what sensors get wrong.

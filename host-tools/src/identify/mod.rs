@@ -29,13 +29,12 @@ pub use bodies::{BodyQuantity, OtherBody};
 pub(crate) use bodies::{other_bodies, released};
 pub use bus::received;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
-pub(crate) use free_base::{walk_bodies, walk_parameters, without_loaded};
+pub(crate) use free_base::{set_walk, walk_bodies, walk_parameters, without_loaded};
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
     fit_model,
 };
 pub use runs::{Consistency, Run, RunValue};
-pub(crate) use to_model::set_joint;
 pub use to_model::{NotAModel, set_possible};
 
 /// What `identify` has read, of which model, and what came out.

@@ -98,6 +98,17 @@ impl Model {
             .collect()
     }
 
+    /// The formulas among its effects, each once.
+    pub(crate) fn formulas(&self) -> Vec<EffectKind> {
+        let mut own: Vec<EffectKind> = Vec::new();
+        for effect in self.effects().iter().map(|e| e.effect) {
+            if catalogue::formula_of(effect).is_some() && !own.contains(&effect) {
+                own.push(effect);
+            }
+        }
+        own
+    }
+
     /// A name for a formula: that of the same formula, if the model has it, or the first of `formula`, `formula_2`, … that it does not use.
     fn free_name(&self, joint: usize, text: &str) -> String {
         let mut own = self.effects().iter().map(|e| e.effect);

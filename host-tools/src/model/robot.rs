@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Form, Reach};
+use proprio_core::effect::{EffectKind, Reach};
 use proprio_core::go2::{self, ACTUATORS, Actuator, JOINT_NAMES, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
@@ -388,7 +388,7 @@ impl Robot {
                 .checked_add_signed(*after)
                 .is_some_and(|n| limb.contains(&n))
         };
-        (effect.description().form != Form::Coupled || self.bodies[joint].parent.is_some())
+        (!effect.couples_with_parent() || self.bodies[joint].parent.is_some())
             && effect.others().iter().all(sees)
     }
 

@@ -27,7 +27,7 @@ use crate::formula::grammar::{Border, CARRIERS, Factor, Term, terms};
 use crate::parallel::{by_number, side_by_side};
 
 /// Windows that are looked at, spread over the log.
-const MOST_WINDOWS: usize = 1000;
+pub(crate) const MOST_WINDOWS: usize = 1000;
 /// Segments of time whose signs are drawn: each is longer than noise remembers (0.1 s) in logs of more than four seconds, and of so many
 /// a sign pattern is one of 10¹².
 const SEGMENTS: usize = 40;
@@ -40,6 +40,8 @@ const TOGETHER: usize = 64;
 /// Rounds of a shape's refinement, each so much narrower: to a hundredth of the grid's spacing.
 const ROUNDS: usize = 8;
 const NARROWER: f64 = 0.6;
+/// The first step of a width's refinement, a factor: half way, in its logarithm, to the next of the grammar's.
+const WIDER: f64 = 1.19;
 /// Rivals that are told.
 const MOST_RIVALS: usize = 4;
 /// One that explains less than this share of what the best does is no rival: where that much is within the error, chance explains the best.
@@ -90,22 +92,86 @@ impl Tried {
     }
 }
 
-/// The term that a joint's residual asks for most. `None` where nothing can be told, no term explains this `least` share of the residual's
-/// square, or noise asks as much more often than a false `alarm` may be.
-pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> Option<Pick> {
-    let residual = Residual::of(fit, joint)?;
-    let limb = fit.data.joint_names();
+/// A window of a limb, as a screen looks at it.
+pub(crate) struct ScreenWindow {
+    /// When its samples are, s, and what the limb's joints do then.
+    pub(crate) samples: Vec<(f64, Vec<JointState<f64>>)>,
+    pub(crate) rows: Vec<ScreenRow>,
+}
+
+/// An equation of a window that has the torque of the joint in it.
+pub(crate) struct ScreenRow {
+    /// Which of the window's equations: what its neighbours say of the same one may be the same noise.
+    pub(crate) equation: usize,
+    /// What a torque of the joint at each of the window's samples gives it.
+    pub(crate) weights: Vec<f64>,
+    /// What the model leaves of it, and the model's columns.
+    pub(crate) left: f64,
+    pub(crate) columns: Vec<f64>,
+}
+
+/// How often noise may ask for as much, and the least share of the residual's square that a term explains.
+pub(crate) type Gates = (f64, f64);
+
+/// The term that a joint's residual asks for most.
+pub(crate) fn pick(fit: &LimbFit, joint: usize, gates: Gates) -> Option<Pick> {
+    let (data, n) = (fit.data, fit.data.joints());
+    let counting: Vec<usize> = (0..data.motion.windows.len())
+        .filter(|&w| data.counts(w, joint))
+        .collect();
+    let stride = counting.len().div_ceil(MOST_WINDOWS).max(1);
+    let rows = data.rows(&fit.at, &fit.columns);
+    let count = fit.columns.of_joint[joint].len();
+    let predicted = fit.predicted();
+    let (seen, time) = (seen(fit), &data.motion.time);
+    let window = |w: usize| {
+        let [first, last] = data.motion.windows[w].samples;
+        let length = time[last] - time[first];
+        let weight = |k: usize| {
+            let before = time[k.saturating_sub(1).max(first)];
+            0.5 * (time[(k + 1).min(last)] - before) / length
+        };
+        let joints = |k: usize| {
+            let mut joints = Vec::with_capacity(n);
+            seen.all(k, &mut joints);
+            (time[k], joints)
+        };
+        let at = w * n + joint;
+        ScreenWindow {
+            samples: (first..=last).map(joints).collect(),
+            rows: vec![ScreenRow {
+                equation: 0,
+                weights: (first..=last).map(weight).collect(),
+                left: data.torque[at] - predicted[at],
+                columns: rows.row(w, joint)[..count].to_vec(),
+            }],
+        }
+    };
+    let limb = data.joint_names();
     let joints: Vec<&str> = limb.iter().map(String::as_str).collect();
     let names = Names {
         joints: &joints,
         own: joint,
     };
-    let range = MotionRange::of(fit.data, joint, 0.0);
+    let range = MotionRange::of(data, joint, 0.0);
+    let windows = counting.into_iter().step_by(stride).map(window);
+    pick_of(names, &range, windows, gates)
+}
+
+/// The term that a joint's residual asks for most, whatever the source of the rows. `None` where nothing can be told, no term explains the `least`
+/// share of the residual's square, or noise asks as much more often than a false `alarm` may be.
+pub(crate) fn pick_of(
+    names: Names,
+    range: &MotionRange,
+    windows: impl Iterator<Item = ScreenWindow>,
+    (alarm, least): Gates,
+) -> Option<Pick> {
+    let residual = Residual::of(names, windows)?;
     let [from, to] = range.positions;
     let all = terms(names, to - from);
-    let factors = residual.factors(&all, names, &range);
+    let factors = residual.factors(&all, names, range);
     let tried: Vec<Tried> = by_number(0..all.len(), |n| {
-        residual.tried(n, &all[n], &factors, &range)
+        residual.tried(n, &all[n], &factors, range)
     })
     .into_iter()
     .flatten()
@@ -152,8 +218,8 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> O
     });
     let chosen = rivals.first()?;
     let chance = chance(&tried, chosen.fall, alarm)?;
-    let term = &all[chosen.term];
-    let shape = residual.refined(term, chosen, &factors, &range);
+    let (term, shape) = residual.refined(&all[chosen.term], chosen, &factors, range);
+    let term = &term;
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
     Some(Pick {
         text: term.text(),
@@ -210,10 +276,11 @@ struct Residual {
     along_basis: Vec<Vec<f64>>,
     /// What effects see in the middle of each third of each window.
     states: Vec<Vec<JointState<f64>>>,
-    /// Of each carrier its integral over each third of each window, over the window's length: what friction does where it turns round is not
+    /// Of each carrier its integral over each third of each row's window, over the window's length: what friction does where it turns round is not
     /// told by a few samples. The first is of no carrier.
     carriers: Vec<(Option<&'static str>, Vec<f64>)>,
-    /// The segment of each window.
+    /// The window of each row, and its segment.
+    window: Vec<usize>,
     segment: Vec<usize>,
 }
 
@@ -232,85 +299,88 @@ fn key(shape: Option<f64>) -> u64 {
 }
 
 impl Residual {
-    fn of(fit: &LimbFit, joint: usize) -> Option<Self> {
-        let (data, n) = (fit.data, fit.data.joints());
-        let counting: Vec<usize> = (0..data.motion.windows.len())
-            .filter(|&w| data.counts(w, joint))
-            .collect();
-        let stride = counting.len().div_ceil(MOST_WINDOWS).max(1);
-        let windows: Vec<usize> = counting.into_iter().step_by(stride).collect();
-        if windows.len() < SEGMENTS * LEAST_IN_SEGMENT {
-            return None;
+    fn of(names: Names, windows: impl Iterator<Item = ScreenWindow>) -> Option<Self> {
+        struct Row {
+            equation: usize,
+            window: usize,
+            left: f64,
+            columns: Vec<f64>,
+            carriers: Vec<[f64; PARTS]>,
         }
-        let rows = data.rows(&fit.at, &fit.columns);
-        let mut basis: Vec<Vec<f64>> = Vec::new();
-        for column in 0..fit.columns.of_joint[joint].len() {
-            let column = windows.iter().map(|&w| rows.row(w, joint)[column]);
-            basis.extend(orthonormal(column.collect(), &basis));
-        }
-        let predicted = fit.predicted();
-        let left = windows.iter().map(|w| w * n + joint);
-        let mut left: Vec<f64> = left.map(|at| data.torque[at] - predicted[at]).collect();
-        for along in &basis {
-            let share = dot(along, &left);
-            left.iter_mut()
-                .zip(along)
-                .for_each(|(x, b)| *x -= share * b);
-        }
-        let seen = seen(fit);
-        let time = &data.motion.time;
-        let joints = |k: usize| {
-            let mut joints = Vec::with_capacity(n);
-            seen.all(k, &mut joints);
-            joints
-        };
-        let limb = data.joint_names();
-        let limb: Vec<&str> = limb.iter().map(String::as_str).collect();
-        let names = Names {
-            joints: &limb,
-            own: joint,
-        };
         let mut carriers: Vec<(Option<&'static str>, Vec<f64>)> = vec![(None, Vec::new())];
         carriers.extend(CARRIERS.iter().map(|text| (Some(*text), Vec::new())));
         let read = |(text, _): &(Option<&'static str>, Vec<f64>)| {
             text.map(|text| Factor::read(text, names)).transpose().ok()
         };
         let read: Vec<Option<Factor>> = carriers.iter().map(read).collect::<Option<_>>()?;
-        let mut states = Vec::with_capacity(PARTS * windows.len());
-        for &w in &windows {
-            let [first, last] = data.motion.windows[w].samples;
-            let length = time[last] - time[first];
-            let mut sums = vec![[0.0; PARTS]; carriers.len()];
-            for k in first..=last {
-                let before = time[k.saturating_sub(1).max(first)];
-                let weight = 0.5 * (time[(k + 1).min(last)] - before) / length;
-                let part = (PARTS as f64 * (time[k] - time[first]) / length) as usize;
-                let seen = joints(k);
-                for (sums, read) in sums.iter_mut().zip(&read) {
-                    let value = read.as_ref().map_or(1.0, |f| f.at(&seen, joint, 1.0));
-                    sums[part.min(PARTS - 1)] += weight * value;
+        let (mut states, mut rows, mut count) = (Vec::new(), Vec::new(), 0);
+        for (n, window) in windows.enumerate() {
+            let samples = &window.samples;
+            let (Some((begin, _)), Some((end, _))) = (samples.first(), samples.last()) else {
+                return None;
+            };
+            let part =
+                |t: f64| ((PARTS as f64 * (t - begin) / (end - begin)) as usize).min(PARTS - 1);
+            let values = |(t, seen): &(f64, Vec<JointState<f64>>)| -> (usize, Vec<f64>) {
+                let of = |read: &Option<Factor>| {
+                    read.as_ref().map_or(1.0, |f| f.at(seen, names.own, 1.0))
+                };
+                (part(*t), read.iter().map(of).collect())
+            };
+            let values: Vec<(usize, Vec<f64>)> = samples.iter().map(values).collect();
+            for row in window.rows {
+                let mut sums = vec![[0.0; PARTS]; carriers.len()];
+                for (weight, (part, values)) in row.weights.iter().zip(&values) {
+                    for (sums, value) in sums.iter_mut().zip(values) {
+                        sums[*part] += weight * value;
+                    }
                 }
-            }
-            for ((_, carrier), sums) in carriers.iter_mut().zip(sums) {
-                carrier.extend(sums);
+                rows.push(Row {
+                    equation: row.equation,
+                    window: n,
+                    left: row.left,
+                    columns: row.columns,
+                    carriers: sums,
+                });
             }
             for part in 0..PARTS {
                 let middle = (part as f64 + 0.5) / PARTS as f64;
-                states.push(joints(
-                    first + (middle * (last - first) as f64).round() as usize,
-                ));
+                let at = (middle * (samples.len() - 1) as f64).round() as usize;
+                states.push(samples[at].1.clone());
             }
+            count = n + 1;
         }
-        let count = windows.len();
+        if count < SEGMENTS * LEAST_IN_SEGMENT {
+            return None;
+        }
+        // What neighbours have in common is told of one equation at a time.
+        rows.sort_by_key(|row| row.equation);
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for column in 0..rows.first()?.columns.len() {
+            let column = rows.iter().map(|row| row.columns[column]);
+            basis.extend(orthonormal(column.collect(), &basis));
+        }
+        let mut left: Vec<f64> = rows.iter().map(|row| row.left).collect();
+        for along in &basis {
+            let share = dot(along, &left);
+            left.iter_mut()
+                .zip(along)
+                .for_each(|(x, b)| *x -= share * b);
+        }
+        for (n, (_, carrier)) in carriers.iter_mut().enumerate() {
+            carrier.extend(rows.iter().flat_map(|row| row.carriers[n]));
+        }
+        let window: Vec<usize> = rows.iter().map(|row| row.window).collect();
         let mut residual = Self {
-            joint,
+            joint: names.own,
             square: dot(&left, &left),
             left,
             basis,
             along_basis: Vec::new(),
             states,
             carriers,
-            segment: (0..count).map(|w| w * SEGMENTS / count).collect(),
+            segment: window.iter().map(|w| w * SEGMENTS / count).collect(),
+            window,
         };
         let along = |column: &Vec<f64>| residual.by_segment(column);
         residual.along_basis = residual.basis.iter().map(along).collect();
@@ -344,7 +414,7 @@ impl Residual {
         }
     }
 
-    /// A term's columns over the windows; `None` where they are not finite.
+    /// A term's columns over the rows; `None` where they are not finite.
     fn columns(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<Vec<f64>>> {
         let carrier = &self
             .carriers
@@ -360,9 +430,9 @@ impl Residual {
                     &made
                 }
             };
-            let parts = values.chunks_exact(PARTS).zip(carrier.chunks_exact(PARTS));
+            let parts = self.window.iter().zip(carrier.chunks_exact(PARTS));
             let column: Vec<f64> = parts
-                .map(|(values, carrier)| dot(values, carrier))
+                .map(|(w, carrier)| dot(&values[PARTS * w..][..PARTS], carrier))
                 .collect();
             column.iter().all(|x| x.is_finite()).then_some(column)
         };
@@ -478,29 +548,46 @@ impl Residual {
         Some(square * autocorrelation_time(&left))
     }
 
-    /// The shape between the neighbours of the best of a grid that explains most.
+    /// The shape between the neighbours of the best of a grid that explains most, and the width between the grammar's, where the term has one.
     fn refined(
         &self,
         term: &Term,
         best: &Tried,
         factors: &Factors,
         range: &MotionRange,
-    ) -> Option<f64> {
-        let grid = values(term.grid?, range)?;
-        let (mut shape, mut most) = (best.shape?, best.fall);
-        let at = grid.iter().position(|value| *value == shape)?;
-        let neighbour = grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?))?;
-        let mut step = 0.5 * (neighbour - shape).abs();
+    ) -> (Term, Option<f64>) {
+        let as_it_is = || (term.clone(), best.shape);
+        let grid = term.grid.and_then(|grid| values(grid, range));
+        let (Some(mut shape), Some(grid)) = (best.shape, grid) else {
+            return as_it_is();
+        };
+        let at = grid.iter().position(|value| *value == shape);
+        let near = at.and_then(|at| grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?)));
+        let Some(near) = near else {
+            return as_it_is();
+        };
+        let (mut term, mut most) = (term.clone(), best.fall);
+        let mut step = 0.5 * (near - shape).abs();
+        let mut wider = WIDER;
         for _ in 0..ROUNDS {
             for other in [shape - step, shape + step] {
-                let tried = self.beside(best.term, term, Some(other), factors);
+                let tried = self.beside(best.term, &term, Some(other), factors);
                 if let Some(tried) = tried.filter(|tried| tried.fall > most) {
                     (shape, most) = (other, tried.fall);
                 }
             }
+            for by in [wider.recip(), wider] {
+                let Some(width) = term.width() else { break };
+                let other = term.clone().with_width(width * by);
+                let tried = self.beside(best.term, &other, Some(shape), factors);
+                if let Some(tried) = tried.filter(|tried| tried.fall > most) {
+                    (term, most) = (other, tried.fall);
+                }
+            }
             step *= NARROWER;
+            wider = wider.powf(NARROWER);
         }
-        Some(shape)
+        (term, Some(shape))
     }
 
     fn by_segment(&self, column: &[f64]) -> Vec<f64> {

@@ -90,15 +90,47 @@ impl<'a> Found<Limbs<'a>> {
         (limb, joint): (usize, usize),
         screen: &dyn Fn(&LimbFit) -> Option<Asked>,
     ) -> Option<Member> {
+        let without = |end: &State<'a>, several: &[Member]| {
+            let mut places = end.places();
+            places[limb].retain(|place| !several.contains(&(limb, *place)));
+            end.with(data, &places, &end.values(), &[])
+        };
+        self.exchange_by((limb, joint), without, |without| {
+            let asked = screen(&without.fits[limb])?;
+            Some((asked.0, with(data, without, &asked, &[])?))
+        })
+    }
+
+    /// Takes out what only resembled an effect that has come since at the same joint.
+    pub(crate) fn take_out_beside(&mut self, data: &'a [LimbData<'a>], one: Member) {
+        self.take_out_resembling(one, |end, member| {
+            let mut places = end.places();
+            places[member.0].retain(|own| *own != member.1);
+            end.with(data, &places, &end.values(), &[])
+        });
+    }
+
+    /// Looks at the model at the end again: what it leaves, and what of it changes with time.
+    pub(crate) fn look_again(&mut self) {
+        self.source.look(&mut self.end);
+    }
+}
+
+impl<S: Source> Found<S> {
+    /// Takes one effect for all that the search has added at a joint beyond what every drive has, as a limb's search does: `without` is a model without
+    /// some members, and `with` what it asks for, with that.
+    pub(crate) fn exchange_by(
+        &mut self,
+        (limb, joint): (usize, usize),
+        without: impl Fn(&S::Model, &[Member]) -> Option<S::Model>,
+        with: impl FnOnce(&S::Model) -> Option<(Member, S::Model)>,
+    ) -> Option<Member> {
         let several = self.added_at(limb, joint);
         if several.is_empty() {
             return None;
         }
-        let mut places = self.end.places();
-        places[limb].retain(|place| !several.contains(&(limb, *place)));
-        let without = self.end.with(data, &places, &self.end.values(), &[])?;
-        let asked = screen(&without.fits[limb])?;
-        let after = with(data, &without, &asked, &[])?;
+        let without = without(&self.end, &several)?;
+        let (asked, after) = with(&without)?;
         let [one, own] = [&after, &self.end].map(|of| of.held_out(&self.end));
         let stands = match several.len() {
             1 => is_worth_a_step(&one, &own),
@@ -110,21 +142,22 @@ impl<'a> Found<Limbs<'a>> {
         for member in several {
             self.put(member, without.clone(), true);
         }
-        self.put(asked.0, after, false);
-        Some(asked.0)
+        self.put(asked, after, false);
+        Some(asked)
     }
 
-    /// Takes out what only resembled an effect that has come since at the same joint.
-    pub(crate) fn take_out_beside(&mut self, data: &'a [LimbData<'a>], one: Member) {
+    /// Takes out what only resembled an effect that has come since at the same joint; `without` is a model without a member.
+    pub(crate) fn take_out_resembling(
+        &mut self,
+        one: Member,
+        without: impl Fn(&S::Model, Member) -> Option<S::Model>,
+    ) {
         let (limb, place) = one;
         for member in self.added_at(limb, place.1).into_iter().rev() {
             if member == one {
                 continue;
             }
-            let mut places = self.end.places();
-            places[limb].retain(|own| *own != member.1);
-            let values = self.end.values();
-            let Some(after) = self.end.with(data, &places, &values, &[]) else {
+            let Some(after) = without(&self.end, member) else {
                 continue;
             };
             let [now, before] = [&after, &self.end].map(|of| of.held_out(&self.end));
@@ -134,13 +167,8 @@ impl<'a> Found<Limbs<'a>> {
         }
     }
 
-    /// Looks at the model at the end again: what it leaves, and what of it changes with time.
-    pub(crate) fn look_again(&mut self) {
-        self.source.look(&mut self.end);
-    }
-
     /// The effects beyond those of every drive that the search has added at a joint and the model has.
-    fn added_at(&self, limb: usize, joint: usize) -> Vec<Member> {
+    pub(crate) fn added_at(&self, limb: usize, joint: usize) -> Vec<Member> {
         let added = self.steps.iter().filter(|step| !step.removed);
         let mut own: Vec<Member> = Vec::new();
         for member in added.flat_map(|step| &step.members) {
@@ -152,7 +180,8 @@ impl<'a> Found<Limbs<'a>> {
         own
     }
 
-    fn put(&mut self, member: Member, after: State<'a>, removed: bool) {
+    /// Puts a member in, or takes it out: the model is the one `after` that.
+    pub(crate) fn put(&mut self, member: Member, after: S::Model, removed: bool) {
         self.end = after;
         self.steps.push(Step {
             effect: member.1.0,

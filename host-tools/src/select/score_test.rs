@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, Reach};
+use proprio_core::effect::{EffectKind, Reach};
 
 use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
@@ -244,18 +244,14 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
     // A formula of the model at one joint may be missing at another.
-    let mut own: Vec<EffectKind> = (fit.data.model.effects().iter())
-        .map(|e| e.effect)
-        .filter(|effect| catalogue::formula_of(*effect).is_some())
-        .collect();
-    own.dedup();
+    let own = fit.data.model.formulas();
     let places = catalogue::effects().chain(own).flat_map(|effect| {
         let described = effect.description();
         let shared = described.may_be_shared().then_some(BASE);
         let own = (described.reach != Reach::Robot).then_some(0..joints);
         let own = own.into_iter().flatten().filter(move |&joint| {
             let sees = |after: &isize| joint.checked_add_signed(*after).is_some_and(|n| n < joints);
-            (described.form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some())
+            (!effect.couples_with_parent() || parent(&fit.columns.subtree_end, joint).is_some())
                 && effect.others().iter().all(sees)
         });
         shared
@@ -287,7 +283,7 @@ pub(crate) fn is_beyond_its_parts(
     if facts.sum_of.iter().any(|part| has(&(*part, joint))) {
         return false;
     }
-    let couples = facts.form == Form::Coupled;
+    let couples = effect.couples_with_parent();
     let parent = parent.filter(|_| couples);
     [Some(joint), parent].into_iter().flatten().all(|joint| {
         let gives_way = EffectKind::COMPLIANT

@@ -26,7 +26,7 @@ pub(super) fn new(values: &[f64], _: &Site) -> CoupledCoulomb {
 }
 
 impl Effect for CoupledCoulomb {
-    fn coupled_torque(&self, own: f64, other: f64) -> f64 {
-        self.size * ((own + other) / RISE).tanh()
+    fn coupled_torque(&self, [_, own]: [f64; 2], [_, carrier]: [f64; 2]) -> [f64; 2] {
+        [self.size * ((own + carrier) / RISE).tanh(); 2]
     }
 }

@@ -22,7 +22,7 @@ pub(super) fn new(values: &[f64], _: &Site) -> CoupledViscous {
 }
 
 impl Effect for CoupledViscous {
-    fn coupled_torque(&self, own: f64, other: f64) -> f64 {
-        self.friction * (own + other)
+    fn coupled_torque(&self, [_, own]: [f64; 2], [_, carrier]: [f64; 2]) -> [f64; 2] {
+        [self.friction * (own + carrier); 2]
     }
 }

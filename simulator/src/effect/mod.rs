@@ -93,10 +93,9 @@ pub(crate) trait Effect: Send {
         memory
     }
 
-    /// Torque on the motor of this joint or of the one that carries it where it turns with `own` and the other with `other`,
-    /// N m.
-    fn coupled_torque(&self, _own: f64, _other: f64) -> f64 {
-        0.0
+    /// Torques on the motors of this joint and of the one that carries it, N m, by each one's position and velocity.
+    fn coupled_torque(&self, _own: [f64; 2], _carrier: [f64; 2]) -> [f64; 2] {
+        [0.0; 2]
     }
 
     /// Inertia of a rotor that turns with the sum of this joint and the one that carries it, as either feels it, kg m².
@@ -249,7 +248,7 @@ pub struct Description {
 
 mod own;
 
-pub use own::{Instant, OwnHidden};
+pub use own::{CoupledTorque, Instant, OwnHidden};
 
 macro_rules! effects {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {

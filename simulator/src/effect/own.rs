@@ -23,12 +23,17 @@ pub struct Instant {
 /// Torque on the motor's side of the gear, N m, by the parameters' values and what the joint does.
 type Torque = dyn Fn(&[f64], &Instant) -> f64 + Sync;
 
+/// Torques on the motors of a joint and of the one that carries it, N m, by the parameters' values and each one's position (rad) and velocity (rad/s).
+pub type CoupledTorque = dyn Fn(&[f64], [f64; 2], [f64; 2]) -> [f64; 2] + Sync;
+
 /// An effect from outside this crate. Its name is its identity.
 pub struct OwnHidden {
     /// Name, parameters, words.
     pub description: Description,
     /// Its torque.
     pub torque: &'static Torque,
+    /// What it is beside that at two joints, of one that couples them.
+    pub coupled: Option<&'static CoupledTorque>,
 }
 
 impl PartialEq for OwnHidden {
@@ -56,12 +61,14 @@ impl fmt::Debug for OwnHidden {
 /// It at a joint.
 pub(super) struct Own {
     torque: &'static Torque,
+    coupled: Option<&'static CoupledTorque>,
     values: Vec<f64>,
 }
 
 pub(super) fn new(own: &OwnHidden, values: &[f64]) -> Own {
     Own {
         torque: own.torque,
+        coupled: own.coupled,
         values: values.to_vec(),
     }
 }
@@ -76,5 +83,10 @@ impl Effect for Own {
             temperature: state.temperature,
         };
         (self.torque)(&self.values, &instant)
+    }
+
+    fn coupled_torque(&self, own: [f64; 2], carrier: [f64; 2]) -> [f64; 2] {
+        let of = |coupled: &CoupledTorque| coupled(&self.values, own, carrier);
+        self.coupled.map_or([0.0; 2], of)
     }
 }

@@ -254,9 +254,10 @@ impl Plant {
                 };
                 loads.smooth[TRUNK + j] -= effect.motor_torque(&seen) + effect.link_torque(&seen);
                 if let Some(carrier) = carrier {
-                    let [own, other] = [j, carrier].map(|j| mean[TRUNK + j]);
-                    loads.smooth[TRUNK + j] -= effect.coupled_torque(own, other);
-                    loads.smooth[TRUNK + carrier] -= effect.coupled_torque(other, own);
+                    let both = [j, carrier].map(|j| [middle.q[j], mean[TRUNK + j]]);
+                    let [own, other] = effect.coupled_torque(both[0], both[1]);
+                    loads.smooth[TRUNK + j] -= own;
+                    loads.smooth[TRUNK + carrier] -= other;
                 }
                 let sizes = effect.dry_friction(&seen);
                 for (sum, size) in loads.dry[TRUNK + j].iter_mut().zip(sizes) {

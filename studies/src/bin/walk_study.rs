@@ -210,7 +210,7 @@ struct Told {
 
 fn told(walk: &Walk, model: &Model, expected: Option<(&str, &str, &[f64])>) -> Option<Told> {
     let found: FreeBaseDiagnosis =
-        diagnose_free_base(std::slice::from_ref(&walk.log), model, |_, _| ()).ok()?;
+        diagnose_free_base(std::slice::from_ref(&walk.log), model, false, |_, _| ()).ok()?;
     let found = found.diagnosis;
     let path: Vec<String> = found.path.iter().map(ToString::to_string).collect();
     let words = path.join(", ") + &found.outside_catalogue.join(", ");

@@ -2,7 +2,8 @@
 
 use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::{
-    Description, EffectParameter, HiddenEffect, HiddenError, HiddenKind, Hide, OwnHidden, Scope,
+    CoupledTorque, Description, EffectParameter, HiddenEffect, HiddenError, HiddenKind, Hide,
+    OwnHidden, Scope,
 };
 
 use clap::error::ErrorKind;
@@ -10,7 +11,7 @@ use proprio_simulator::poses::PoseKind;
 
 use super::super::usage_error;
 use super::parse_hide;
-use crate::formula::{FormulaError, Instant, over_time, torque};
+use crate::formula::{FormulaError, Instant, Names, coupled_torque, over_time, torque};
 
 /// What `--hide` says.
 #[derive(Debug, Clone)]
@@ -70,14 +71,29 @@ pub(super) fn parse(text: &str) -> Result<Hidden, String> {
         Some((joints.collect::<Option<Vec<_>>>()?, formula.trim()))
     });
     match parts {
-        Some((joints, formula)) => Ok(Hidden::Formula(kind(formula)?, joints)),
+        Some((joints, formula)) => Ok(Hidden::Formula(kind(formula, &joints)?, joints)),
         None => parse_hide(text).map(Hidden::Effect),
     }
 }
 
 /// The formula as an effect that the simulator can have, once.
-fn kind(text: &str) -> Result<HiddenKind, String> {
-    let torque = torque(text).map_err(|error| error.to_string())?;
+fn kind(text: &str, joints: &[JointId]) -> Result<HiddenKind, String> {
+    let refused = |error: FormulaError| error.to_string();
+    // Names of other joints are of one leg.
+    let limb = joints.first().map(|joint| JointId::of(joint.leg()));
+    let limb = limb.map(|limb| limb.map(JointId::name));
+    let own = joints.first().map_or(0, |joint| joint.place());
+    let names = limb.as_ref().map(|joints| Names { joints, own });
+    let is_one = joints.len() == 1;
+    let coupled = match names.filter(|_| is_one) {
+        Some(names) => coupled_torque(text, names).map_err(refused)?,
+        None => None,
+    };
+    let alone = match coupled {
+        Some(_) => "0",
+        None => text,
+    };
+    let torque = torque(alone).map_err(refused)?;
     let times = EffectParameter::within("times", "1", 1.0, f64::NEG_INFINITY, f64::INFINITY);
     // As long as the program runs, as the simulator asks of what a program brings.
     let own = OwnHidden {
@@ -100,6 +116,13 @@ fn kind(text: &str) -> Result<HiddenKind, String> {
                     })
             },
         )),
+        coupled: coupled.map(|coupled| -> &'static CoupledTorque {
+            Box::leak(Box::new(
+                move |values: &[f64], own: [f64; 2], carrier: [f64; 2]| {
+                    coupled(own, carrier).map(|torque| values[0] * torque)
+                },
+            ))
+        }),
     };
     Ok(HiddenKind::Own(Box::leak(Box::new(own))))
 }

@@ -1,14 +1,14 @@
 //! What `proprio diagnose --free-base` does: what a model of a walking robot lacks, an effect at a joint or a load on a body.
 //!
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
-//! 2. `shapes`: nonlinear parameters. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
+//! 2. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
 //! 3. `search`: walks as a source of rows for the search of [`crate::select`].
-//! 4. `text`: what was found, as a [`Diagnosis`].
+//! 4. `formulas`: torques outside the catalogue. `text`: what was found, as a [`Diagnosis`].
 
+mod formulas;
 mod model;
 mod screen;
 mod search;
-mod shapes;
 mod text;
 
 use std::path::PathBuf;
@@ -22,17 +22,17 @@ use super::Diagnosis;
 use super::changed::changed;
 use crate::detect::ladder::Yardsticks;
 use crate::equation::values::Place;
-use crate::estimate::{ParameterEstimate, find};
+use crate::estimate::ParameterEstimate;
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
 use crate::free_base::rungs::rungs;
+use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::identify::{NotAModel, set_joint, walk_bodies, walk_parameters, without_loaded};
+use crate::identify::{NotAModel, set_walk, walk_bodies, walk_parameters, without_loaded};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
-use crate::parameter;
+use crate::model::Model;
 use crate::select::search::search;
 use model::WalkModel;
 use search::WalkSource;
@@ -59,13 +59,14 @@ pub struct FreeBaseDiagnosis {
     effects: Vec<EffectSite>,
 }
 
-/// Diagnoses what a robot's `model` lacks on logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+/// Diagnoses what a robot's `model` lacks on logs of it walking, taken together; formulas are sought unless it is of the `catalogue_only`. `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
 /// [`FreeBaseError`]: a log that is bad or too short, or a model that walks are not judged with.
 pub fn diagnose_free_base(
     logs: &[PathBuf],
     model: &Model,
+    catalogue_only: bool,
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseDiagnosis, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
@@ -81,16 +82,34 @@ pub fn diagnose_free_base(
     let yardsticks = Yardsticks::of_walk(rungs.each_ref().map(|theta| data.rms(theta)));
     let held_against = (yardsticks, &as_given[0]);
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
-    let found = search(source, &[]).ok_or_else(unsolvable)?;
-    let mut diagnosis =
-        text::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
+    let mut found = search(source, &[]).ok_or_else(unsolvable)?;
+    let formulas = match catalogue_only {
+        true => Vec::new(),
+        false => {
+            let left = text::left(&found.end, &walks).ok_or_else(unsolvable)?;
+            let joints = text::outside(&left, &walks);
+            formulas::find_formulas((&walks, model), &mut found, &joints)
+        }
+    };
     let WalkModel {
-        structure,
+        structure: end,
         data,
         fit,
         ..
     } = &found.end;
-    let values = walk_parameters(data, fit, &data.deviations(fit));
+    let values = match shapes::is_shaped(end) {
+        true => {
+            let of = (&walks, model);
+            let (told, sites) = shapes::with_derivatives(of, data, end.clone(), fit)?;
+            let fit = told.fit(&sites).ok_or_else(unsolvable)?;
+            walk_parameters(&told, &fit, &told.deviations(&fit))
+        }
+        false => walk_parameters(data, fit, &data.deviations(fit)),
+    };
+    let formulas = formulas::told(model, &formulas, &values);
+    let mut diagnosis = text::diagnosis(logs, &walks, &structure, held_against, &found, formulas)
+        .ok_or_else(unsolvable)?;
+    let structure = end;
     diagnosis.has_values = model.has_values();
     // What no effect explains is in the bodies too.
     if diagnosis.outside_catalogue.is_empty()
@@ -125,36 +144,7 @@ impl FreeBaseDiagnosis {
         for (effect, joint) in loads {
             model.remove_effect(effect, joint);
         }
-        let joints = model.robot().bodies().iter();
-        let joints: Vec<String> = joints.map(|body| body.name.clone()).collect();
-        let joints = joints.iter().map(String::as_str).enumerate();
-        for (body, of) in std::iter::once((BASE, "base")).chain(joints) {
-            let named = |fault| NotAModel {
-                of: of.to_owned(),
-                fault,
-            };
-            set_joint(&self.found, model, body, of).map_err(named)?;
-            for site in self.effects.iter().filter(|site| site.place.1 == body) {
-                self.set_others(site, model, of).map_err(named)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Sets the parameters of an effect beyond its first.
-    fn set_others(
-        &self,
-        site: &EffectSite,
-        model: &mut Model,
-        of: &str,
-    ) -> Result<(), crate::model::Impossible> {
-        let (effect, joint) = site.place;
-        for n in 1..effect.description().parameters.len() {
-            let found = find(&self.found, &parameter::of_effect(effect, n, of));
-            let (value, std) = found.map_or((site.shape, None), |own| (own.value, Some(own.std)));
-            model.set_parameter(effect, joint, n, value, std)?;
-        }
-        Ok(())
+        set_walk(&self.found, &self.effects, model)
     }
 }
 

@@ -6,13 +6,14 @@ use nalgebra::DVector;
 use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
-use super::{centre, is_load, shapes};
+use super::{centre, is_load};
 use crate::equation::values::Place;
 use crate::estimate::Constraint;
 use crate::free_base::Walks;
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Deviations, Fit, HeldOut};
+use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::model::Model;
 use crate::select::candidate::{Candidate, Member};
@@ -64,6 +65,26 @@ impl WalkModel {
         let structure = self.structure.clone().with_shapes(&sites);
         let data = self.data.with_sites(walks, sites).ok()?;
         self.refitted(Arc::new(data), structure)
+    }
+
+    /// The same with a formula that neither it nor the rows have, its nonlinear parameter near this one; none if numbers overflow.
+    pub(super) fn with_formula(
+        &self,
+        (walks, model): (&Walks, &Model),
+        place: Place,
+        shape: Option<f64>,
+    ) -> Option<Self> {
+        let site = EffectSite::of((model, &walks.robot), place, Constraint::Physical);
+        let site = match shape {
+            Some(shape) => site.with_shape(shape),
+            None => site,
+        };
+        let mut sites = self.data.columns().sites.clone();
+        sites.retain(|own| own.place != place);
+        sites.push(site.clone());
+        let data = Arc::new(self.data.with_sites(walks, sites).ok()?);
+        let after = Self::of(&data, &self.structure.clone().with_effect(site))?;
+        after.with_better_shapes(walks).or(Some(after))
     }
 
     /// Its effects with these among them, as likely as `model` says.

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
-use crate::equation::column::{Column, Columns, Entry};
+use crate::equation::column::{Column, Columns, Entry, couples};
 use crate::equation::free_tree::OF_BASE;
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
@@ -249,7 +249,7 @@ fn feels(robot: &Legged, coordinate: usize, place: Place) -> bool {
     match effect.description().form {
         Form::Inertia => same_leg && robot.carries(joint, at),
         Form::Motion(_) => same_leg,
-        Form::Coupled => same_leg && (joint == at || robot.parents[at] == Some(joint)),
+        Form::Coupled => same_leg && couples(effect, [at, joint], robot.parents[at]),
         _ => joint == at,
     }
 }
@@ -260,7 +260,7 @@ pub(super) fn possible(walks: &Walks, model: &Model, structure: &ModelStructure)
     let still: Vec<bool> = (0..structure.robot.joints())
         .map(|joint| !moves(walks, model, joint))
         .collect();
-    let all = all_places(&structure.robot)
+    let all = all_places(model, &structure.robot)
         .into_iter()
         .filter(|place| !has(place));
     let moving = all.filter(|place| place.1 == BASE || !still[place.1]);

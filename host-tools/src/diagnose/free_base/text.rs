@@ -6,6 +6,7 @@ use super::model::{Value, WalkModel};
 use super::search::WalkSource;
 use super::{FreeBaseDiagnosis, centre, is_load};
 use crate::detect::ladder::{WALK, Yardsticks};
+use crate::diagnose::formulas::FoundFormula;
 use crate::diagnose::{
     CandidateReport, Diagnosis, JointError, NEW_MODEL, ParameterReport, PathStep, Verdict,
 };
@@ -35,19 +36,27 @@ pub(super) fn diagnosis(
     given: &ModelStructure,
     (yardsticks, as_given): (Yardsticks, &Left),
     found: &Found<WalkSource<'_>>,
+    formulas: Vec<FoundFormula>,
 ) -> Option<Diagnosis> {
     let data = &found.end.data;
-    let after: Vec<_> = (found.end.errors().iter())
-        .map(|part| &part.theta)
-        .collect();
-    let left = data.by_coordinate(walks, &[after]).pop()?;
-    let outside_catalogue = outside(&left, walks);
+    let left = left(&found.end, walks)?;
+    let joints_outside = outside(&left, walks).into_iter();
+    let outside_catalogue: Vec<String> =
+        joints_outside.map(|j| in_words(j, &left, walks)).collect();
     let robot = &walks.robot;
     let candidates: Vec<CandidateReport> = (found.first.iter())
         .map(|judged| report(judged, found, robot))
         .collect();
-    let missing = candidates.iter().any(|c| c.significant) || !outside_catalogue.is_empty();
-    let (reason, next) = reason(&candidates, missing, logs, &robot.names);
+    let missing = candidates.iter().any(|c| c.significant)
+        || !outside_catalogue.is_empty()
+        || !formulas.is_empty();
+    let (reason, next) = match (candidates.iter().any(|c| c.significant), formulas.first()) {
+        (false, Some(formula)) => (
+            format!("{}, {}, is missing", formula.torque, formula.joint),
+            apply(logs),
+        ),
+        _ => reason(&candidates, missing, logs, &robot.names),
+    };
     Some(Diagnosis {
         verdict: if missing {
             Verdict::Missing
@@ -77,7 +86,7 @@ pub(super) fn diagnosis(
         second_encoder: Vec::new(),
         bodies: Vec::new(),
         bodies_instead: false,
-        formulas: Vec::new(),
+        formulas,
         regimes: Vec::new(),
         load_changes: Vec::new(),
         outside_catalogue,
@@ -124,11 +133,22 @@ fn reason(
     let places = joints_in_words(&best.joints, joints);
     (
         format!("{}, {places}, is missing: {}", best.effect, values(best)),
-        format!(
-            "proprio diagnose --free-base {} -m MODEL --apply, then compare --free-base",
-            typed(logs, None)
-        ),
+        apply(logs),
     )
+}
+
+/// The command that writes what was found.
+fn apply(logs: &[PathBuf]) -> String {
+    format!(
+        "proprio diagnose --free-base {} -m MODEL --apply, then compare --free-base",
+        typed(logs, None)
+    )
+}
+
+/// What a model leaves of each coordinate's equation, part by part of the time by the fit to the others; none if there are no parts.
+pub(super) fn left(model: &WalkModel, walks: &Walks) -> Option<Left> {
+    let thetas = model.errors().iter().map(|part| &part.theta).collect();
+    model.data.by_coordinate(walks, &[thetas]).pop()
 }
 
 /// Each joint's errors of the file as given and at the end.
@@ -145,21 +165,23 @@ fn joints(left: [&Left; 2], windows: u64, robot: &Legged) -> Vec<JointError> {
 }
 
 /// The joints of which what is left goes on from window to window, as noise does not, and is more than a sampled log's errors.
-fn outside(left: &Left, walks: &Walks) -> Vec<String> {
+pub(super) fn outside(left: &Left, walks: &Walks) -> Vec<usize> {
     let torque_rms = walks.torque_rms();
     let least = |j: usize| (LEAST_Z / (left.pairs[6 + j].max(1) as f64).sqrt()).max(STRUCTURE);
-    let joints = walks.robot.names.iter().enumerate();
-    let goes_on = joints.filter(|&(j, _)| {
+    let goes_on = (0..walks.robot.joints()).filter(|&j| {
         left.correlation[6 + j] > least(j) && left.rms[6 + j] > RESOLUTION * torque_rms[j]
     });
-    let told = goes_on.map(|(j, name)| {
-        format!(
-            "{name}: of the {} N m that are left neighbouring windows share {:.0} %: no effect of the catalogue explains that",
-            torque(left.rms[6 + j]),
-            100.0 * left.correlation[6 + j]
-        )
-    });
-    told.collect()
+    goes_on.collect()
+}
+
+/// What is left of such a joint.
+fn in_words(j: usize, left: &Left, walks: &Walks) -> String {
+    format!(
+        "{}: of the {} N m that are left neighbouring windows share {:.0} %: no effect of the catalogue explains that",
+        walks.robot.names[j],
+        torque(left.rms[6 + j]),
+        100.0 * left.correlation[6 + j]
+    )
 }
 
 /// What a candidate would add; a load as its mass and its place.

@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use super::{FreeBaseIdentification, Quantity, is_sensors};
+use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::identify::screen;
+use crate::parameter;
 use crate::summary::{Summary, torque, typed, word};
 use crate::table::{Table, with_std};
 
@@ -35,9 +37,27 @@ impl FreeBaseIdentification {
         Summary {
             headline: self.first_line(),
             rows,
-            points,
+            points: points.into_iter().chain(self.formulas()).collect(),
             next: vec![next],
         }
+    }
+
+    /// The values of formulas, joint by joint.
+    fn formulas(&self) -> Vec<String> {
+        let own = self.effects.iter().map(|site| site.place);
+        let own = own.filter(|(effect, _)| catalogue::formula_of(*effect).is_some());
+        own.filter_map(|(effect, joint)| {
+            let joint = self.joints.get(joint)?;
+            let described = effect.description().parameters.iter().enumerate();
+            let values = described.filter_map(|(n, described)| {
+                let own = self.parameter(&parameter::of_effect(effect, n, joint))?;
+                let value = with_std(own.value, own.std);
+                Some(format!("{} = {value} {}", described.symbol, own.unit))
+            });
+            let values: Vec<String> = values.collect();
+            Some(format!("{joint}, {}: {}", effect.name(), values.join(", ")))
+        })
+        .collect()
     }
 
     fn first_line(&self) -> String {

@@ -1,16 +1,19 @@
 //! Nonlinear parameters of effects on a walk: on what a fit leaves, beside what friction, a rotor and a constant torque of the joint explain, as
-//! [`crate::estimate::shapes`] of a limb.
+//! [`crate::estimate::shapes`] of a limb. At the best of them the derivative of the torque in it is one more column, which tells its standard deviation.
 
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
 
+use super::columns::EffectSite;
+use super::data::{Data, LeftOfWindow};
+use super::error::FreeBaseError;
+use super::fit::Fit;
+use super::projection::{Projection, bristles};
+use super::structure::ModelStructure;
+use super::walk::Walk;
+use super::walks::Walks;
 use crate::estimate::grid::{MotionRange, least_displacement, possible, shape_parameter, values};
-use crate::free_base::Walks;
-use crate::free_base::columns::EffectSite;
-use crate::free_base::data::{Data, LeftOfWindow};
-use crate::free_base::fit::Fit;
-use crate::free_base::projection::{Projection, bristles};
-use crate::free_base::walk::Walk;
+use crate::model::Model;
 use crate::parallel::side_by_side;
 
 /// Windows that a scan looks at, spread over the logs.
@@ -33,7 +36,7 @@ const SPANNED: f64 = 1e-8;
 const BASIS: [EffectKind; 4] = EffectKind::PLAIN;
 
 /// The data's effects, those with a nonlinear parameter at the one that explains most of what a fit leaves; `None` if they are so already.
-pub(super) fn better(walks: &Walks, data: &Data, fit: &Fit) -> Option<Vec<EffectSite>> {
+pub(crate) fn better(walks: &Walks, data: &Data, fit: &Fit) -> Option<Vec<EffectSite>> {
     let left = data.left(walks, fit.theta());
     let sites = &data.columns().sites;
     let scan = Scan {
@@ -67,6 +70,73 @@ pub(super) fn better(walks: &Walks, data: &Data, fit: &Fit) -> Option<Vec<Effect
     moved.then_some(better)
 }
 
+/// Rounds of a search at most: the fit that one leaves is another one.
+const ROUNDS: usize = 3;
+
+/// The data and the structure with nonlinear parameters that leave least, and a column of each of their derivatives.
+///
+/// # Errors
+/// [`FreeBaseError`] where numbers overflow.
+pub(crate) fn settled(
+    (walks, model): (&Walks, &Model),
+    mut data: Data,
+    mut structure: ModelStructure,
+) -> Result<(Data, ModelStructure), FreeBaseError> {
+    let fit = |data: &Data, structure: &ModelStructure| {
+        data.fit(structure).ok_or(FreeBaseError::Unsolvable)
+    };
+    if !is_shaped(&structure) {
+        return Ok((data, structure));
+    }
+    for _ in 0..ROUNDS {
+        let Some(sites) = better(walks, &data, &fit(&data, &structure)?) else {
+            break;
+        };
+        structure = structure.with_shapes(&sites);
+        data = data.with_sites(walks, sites)?;
+    }
+    let last = fit(&data, &structure)?;
+    with_derivatives((walks, model), &data, structure, &last)
+}
+
+/// Whether any effect of a structure has a nonlinear parameter.
+pub(crate) fn is_shaped(structure: &ModelStructure) -> bool {
+    let mut effects = structure.effects.iter();
+    effects.any(|site| site.place.0.description().searched().is_some())
+}
+
+/// The same with a column of the derivative of each effect's torque in its nonlinear parameter, at a fit: its standard deviation comes from the same
+/// equations as all others.
+///
+/// # Errors
+/// [`FreeBaseError`] where numbers overflow.
+pub(crate) fn with_derivatives(
+    (walks, model): (&Walks, &Model),
+    data: &Data,
+    mut structure: ModelStructure,
+    fit: &Fit,
+) -> Result<(Data, ModelStructure), FreeBaseError> {
+    let columns = data.columns();
+    let mut sites = columns.sites.clone();
+    for (n, site) in sites.iter_mut().enumerate() {
+        let own = columns.effects().filter(|(_, own, _)| *own == n);
+        let own: Vec<f64> = own.map(|(k, ..)| fit.theta()[k]).collect();
+        if structure.has(site.place) && own.iter().any(|value| *value != 0.0) {
+            site.add_derivative((model, &walks.robot), &own);
+        }
+    }
+    for own in &mut structure.effects {
+        let site = sites.iter().find(|site| site.place == own.place);
+        // What was a candidate is known by the structure as it knows its own.
+        let derivative = site
+            .into_iter()
+            .flat_map(|site| site.linear.iter().skip(own.linear.len()));
+        let derivative: Vec<_> = derivative.copied().collect();
+        own.linear.extend(derivative);
+    }
+    Ok((data.with_sites(walks, sites)?, structure))
+}
+
 /// Shapes about the best of a grid, and the present one.
 fn between(grid: &[f64], falls: &[f64], site: &EffectSite) -> Vec<f64> {
     let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
@@ -84,6 +154,28 @@ fn between(grid: &[f64], falls: &[f64], site: &EffectSite) -> Vec<f64> {
     near.map(|shape| possible(site.place.0, shape)).collect()
 }
 
+/// What a joint does in walks; no displacement of its friction is below the `least`, rad.
+pub(crate) fn range(walks: &Walks, joint: usize, least: f64) -> MotionRange {
+    let logs = || walks.walks.iter().map(|(walk, _)| walk);
+    let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
+    let q = || logs().flat_map(|walk| walk.q.of(joint));
+    let acceleration = |walk: &Walk| {
+        let own: Vec<f64> = walk.dq.of(joint).collect();
+        let steps = own.windows(2).map(|dq| (dq[1] - dq[0]).powi(2));
+        let square = steps.sum::<f64>() / walk.len().max(1) as f64;
+        square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
+    };
+    let period = most(&|walk| walk.period);
+    MotionRange {
+        gear: walks.robot.gears[joint],
+        positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
+        times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
+        least_displacement: least_displacement(most(&acceleration), period).max(least),
+        fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
+        speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
+    }
+}
+
 struct Scan<'a> {
     walks: &'a Walks,
     data: &'a Data,
@@ -97,25 +189,8 @@ impl Scan<'_> {
     /// The shapes of an effect to try.
     fn grid(&self, site: &EffectSite) -> Vec<f64> {
         let (effect, joint) = site.place;
-        let logs = || self.walks.walks.iter().map(|(walk, _)| walk);
-        let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
-        let q = || logs().flat_map(|walk| walk.q.of(joint));
-        let acceleration = |walk: &Walk| {
-            let own: Vec<f64> = walk.dq.of(joint).collect();
-            let steps = own.windows(2).map(|dq| (dq[1] - dq[0]).powi(2));
-            let square = steps.sum::<f64>() / walk.len().max(1) as f64;
-            square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
-        };
-        let period = most(&|walk| walk.period);
         let lower = effect.description().parameters[shape_parameter(effect)].lower;
-        let range = MotionRange {
-            gear: self.walks.robot.gears[joint],
-            positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
-            times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
-            least_displacement: least_displacement(most(&acceleration), period).max(lower),
-            fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
-            speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
-        };
+        let range = range(self.walks, joint, lower);
         let searched = effect.description().searched();
         let all = searched.and_then(|(_, grid)| values(grid, &range));
         let all = all.into_iter().flatten();
@@ -198,11 +273,11 @@ impl Scan<'_> {
         let mut columns: [_; MAX_COLUMNS] = std::array::from_fn(|_| zeros());
         for (t, (n, grid)) in tried.iter().enumerate() {
             let (effect, joint) = sites[*n].place;
-            let states = projection.joint_states(joint);
             let basis = basis[joint].get_or_insert_with(|| {
                 BASIS.map(|effect| {
                     let mut column = zeros();
-                    projection.add(joint, |k| effect.term(&states[k]), &mut column);
+                    let terms = projection.terms((effect, joint), 1.0);
+                    projection.add(joint, |k| terms[k][0], &mut column);
                     column
                 })
             });
@@ -218,10 +293,7 @@ impl Scan<'_> {
                         let samples = projection.samples().iter();
                         samples.map(|n| [of(n); MAX_COLUMNS]).collect()
                     }
-                    None => states
-                        .iter()
-                        .map(|state| effect.terms(state, *shape))
-                        .collect(),
+                    None => projection.terms((effect, joint), *shape),
                 };
                 for (m, column) in columns.iter_mut().enumerate().take(count) {
                     column.fill(0.0);
