@@ -53,8 +53,8 @@ pub(super) struct Fit {
     pub(super) lacking: f64,
     /// Mean square of the residuals in units of the measured scatter alone.
     pub(super) chi_squared: f64,
-    /// Held-out error of each element that is used: log magnitude.
-    pub(super) held_out: Vec<f64>,
+    /// Held-out error of each element that is used, by what was left out at once: log magnitude.
+    pub(super) held_out: Vec<Vec<f64>>,
 }
 
 /// Weighted rows of one group of data: derivatives, and residual as the last column.
@@ -63,9 +63,9 @@ pub(super) struct Group {
 }
 
 /// A fit on its way.
-struct State {
-    x: Vec<f64>,
-    cost: f64,
+pub(super) struct State {
+    pub(super) x: Vec<f64>,
+    pub(super) cost: f64,
 }
 
 impl Problem<'_> {
@@ -224,7 +224,7 @@ impl Problem<'_> {
     }
 
     /// Levenberg–Marquardt steps from x.
-    fn descend(&self, layout: &Layout, x: &[f64], lacking: f64, steps: usize) -> State {
+    pub(super) fn descend(&self, layout: &Layout, x: &[f64], lacking: f64, steps: usize) -> State {
         let mut state = State {
             x: x.to_vec(),
             cost: self.cost(layout, x, lacking),
@@ -316,7 +316,7 @@ impl Problem<'_> {
     }
 
     /// Covariance and held-out errors of what was reached.
-    fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
+    pub(super) fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
         let n = layout.unknowns.len();
         let groups = self.leave_out(layout, &state.x, lacking)?;
         let prior = prior_rows(layout, &state.x);
@@ -373,7 +373,13 @@ impl Problem<'_> {
 impl Fit {
     /// Root mean square of the held-out log magnitude errors.
     pub(super) fn error(&self) -> f64 {
-        rms(&self.held_out)
+        rms(&self.held_out.concat())
+    }
+
+    /// Sums of the squares of those errors, by what was left out at once.
+    pub(super) fn squares(&self) -> Vec<f64> {
+        let sum = |errors: &Vec<f64>| errors.iter().map(|x| x * x).sum();
+        self.held_out.iter().map(sum).collect()
     }
 
     /// An unknown's value in SI units, and its standard deviation.

@@ -8,7 +8,7 @@ use super::layout::Layout;
 use super::linear::{damped, stacked};
 
 impl Problem<'_> {
-    /// Log magnitude errors of each point by a fit without it; of one point, of each stretch of lines or block.
+    /// Log magnitude errors of each point by a fit without it; of one or two points, of every fourth line by the others.
     pub(super) fn held_out(
         &self,
         layout: &Layout,
@@ -16,7 +16,7 @@ impl Problem<'_> {
         groups: &[(usize, Group)],
         factors: &[DMatrix<f64>],
         prior: &DMatrix<f64>,
-    ) -> Option<Vec<f64>> {
+    ) -> Option<Vec<Vec<f64>>> {
         let by_point = self.points.len() > 2;
         let folds = if by_point { self.points.len() } else { 1 };
         let mut errors = Vec::new();
@@ -27,7 +27,7 @@ impl Problem<'_> {
                     .map(|(factor, _)| factor);
                 let step = damped(&stacked(others, prior), 0.0);
                 let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
-                errors.extend(self.point_errors(point, 0..self.used, layout, &without)?);
+                errors.push(self.point_errors(point, 0..self.used, layout, &without)?);
             }
             return Some(errors);
         }
@@ -44,9 +44,11 @@ impl Problem<'_> {
                 }
                 let step = damped(&stacked(kept.iter(), prior), 0.0);
                 let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                let mut own = Vec::new();
                 for line in (fold..self.used).step_by(FOLDS) {
-                    errors.extend(self.point_errors(point, line..line + 1, layout, &without)?);
+                    own.extend(self.point_errors(point, line..line + 1, layout, &without)?);
                 }
+                errors.push(own);
             }
         }
         Some(errors)
