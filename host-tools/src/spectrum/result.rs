@@ -504,6 +504,11 @@ impl Frf {
         self.error
     }
 
+    /// Whether the fit has links that bend.
+    pub(super) fn has_bends(&self) -> bool {
+        !self.bends.is_empty()
+    }
+
     /// Responses for a page.
     pub fn curves(&self) -> &[Curve] {
         &self.curves
