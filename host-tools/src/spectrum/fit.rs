@@ -53,8 +53,17 @@ pub(super) struct Fit {
     pub(super) lacking: f64,
     /// Mean square of the residuals in units of the measured scatter alone.
     pub(super) chi_squared: f64,
-    /// Held-out error of each element that is used, by what was left out at once: log magnitude.
-    pub(super) held_out: Vec<Vec<f64>>,
+    /// Held-out error of each element that is used, by what was left out at once.
+    pub(super) held_out: Vec<Vec<HeldOut>>,
+}
+
+/// An element's error by a fit that has not used it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HeldOut {
+    /// Of the log magnitude.
+    pub(super) magnitude: f64,
+    /// Of magnitude and phase, squared, in units of the scatter.
+    pub(super) square: f64,
 }
 
 /// Weighted rows of one group of data: derivatives, and residual as the last column.
@@ -373,13 +382,17 @@ impl Problem<'_> {
 impl Fit {
     /// Root mean square of the held-out log magnitude errors.
     pub(super) fn error(&self) -> f64 {
-        rms(&self.held_out.concat())
+        let all = self.held_out.iter().flatten();
+        rms(&all.map(|e| e.magnitude).collect::<Vec<f64>>())
     }
 
-    /// Sums of the squares of those errors, by what was left out at once.
-    pub(super) fn squares(&self) -> Vec<f64> {
-        let sum = |errors: &Vec<f64>| errors.iter().map(|x| x * x).sum();
-        self.held_out.iter().map(sum).collect()
+    /// Logarithm of the mean square error in units of the scatter, by what was left out at once: a sharp resonance at one point does not outweigh all others.
+    pub(super) fn log_squares(&self) -> Vec<f64> {
+        let of = |errors: &Vec<HeldOut>| {
+            let sum: f64 = errors.iter().map(|e| e.square).sum();
+            (sum / errors.len().max(1) as f64).max(1e-300).ln()
+        };
+        self.held_out.iter().map(of).collect()
     }
 
     /// An unknown's value in SI units, and its standard deviation.
@@ -407,7 +420,7 @@ impl Fit {
 }
 
 /// One over the standard deviation of a component of an error.
-fn weight(std: f64, lacking: f64) -> f64 {
+pub(super) fn weight(std: f64, lacking: f64) -> f64 {
     1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
 }
 

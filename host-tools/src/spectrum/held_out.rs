@@ -2,13 +2,13 @@
 
 use nalgebra::DMatrix;
 
-use super::fit::{FIRST_ERROR, Group, LEAST_KNOWN, Problem};
+use super::fit::{FIRST_ERROR, Group, HeldOut, LEAST_KNOWN, Problem, weight};
 use super::flexible::At;
 use super::layout::Layout;
 use super::linear::{damped, stacked};
 
 impl Problem<'_> {
-    /// Log magnitude errors of each point by a fit without it; of one or two points, of every fourth line by the others.
+    /// Errors of each point by a fit without it; of one or two points, of every fourth line by the others.
     pub(super) fn held_out(
         &self,
         layout: &Layout,
@@ -16,7 +16,7 @@ impl Problem<'_> {
         groups: &[(usize, Group)],
         factors: &[DMatrix<f64>],
         prior: &DMatrix<f64>,
-    ) -> Option<Vec<Vec<f64>>> {
+    ) -> Option<Vec<Vec<HeldOut>>> {
         let by_point = self.points.len() > 2;
         let folds = if by_point { self.points.len() } else { 1 };
         let mut errors = Vec::new();
@@ -54,23 +54,27 @@ impl Problem<'_> {
         Some(errors)
     }
 
-    /// Log magnitude errors of a point's mean at some lines.
+    /// Errors of a point's mean at some lines.
     fn point_errors(
         &self,
         point: usize,
         lines: std::ops::Range<usize>,
         layout: &Layout,
         x: &[f64],
-    ) -> Option<Vec<f64>> {
+    ) -> Option<Vec<HeldOut>> {
         let own = self.points[point];
         let at = At::new(&self.plants[point], layout, x);
         let mut errors = Vec::new();
         for line in lines {
             let model = at.response(self.omega[line], self.dt)?;
             for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
-                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln().re;
-                if self.relative_variance(own, line, i, j) < LEAST_KNOWN && error.is_finite() {
-                    errors.push(error);
+                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln();
+                let variance = self.relative_variance(own, line, i, j);
+                if variance < LEAST_KNOWN && error.is_finite() {
+                    errors.push(HeldOut {
+                        magnitude: error.re,
+                        square: error.norm_sqr() * weight((0.5 * variance).sqrt(), 0.0).powi(2),
+                    });
                 }
             }
         }
