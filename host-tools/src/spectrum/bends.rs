@@ -5,6 +5,7 @@
 //! stiff at the beginning moves nothing, however much it would if it were soft.
 
 use super::error::FrfError;
+use super::fit::{log_squares, magnitude};
 use super::layout::Unknown;
 use super::rigid::Bend;
 use super::springs::{Arm, Found};
@@ -120,7 +121,7 @@ struct Tried {
     /// Stiffness and damping.
     spring: [f64; 2],
     error: f64,
-    /// Of [`Fit::log_squares`](super::fit::Fit::log_squares).
+    /// [`log_squares`] of its held-out errors.
     after: Vec<f64>,
 }
 
@@ -148,13 +149,12 @@ fn tried_at(arm: &Arm, found: &Found, bend: Bend) -> Result<Option<Tried>, FrfEr
     };
     let spring = [Unknown::BendStiffness(number), Unknown::BendDamping(number)]
         .map(|of| layout.value(&state.x, of));
-    let cost = state.cost;
-    let fit = problem.judged(&layout, state, lacking);
-    Ok(fit.map(|fit| Tried {
+    let unused = problem.unused(&layout, &state.x, lacking);
+    Ok(unused.map(|unused| Tried {
         bend,
-        cost,
+        cost: state.cost,
         spring,
-        error: fit.error(),
-        after: fit.log_squares(),
+        error: magnitude(&unused),
+        after: log_squares(&unused),
     }))
 }

@@ -2,10 +2,11 @@
 
 use nalgebra::DMatrix;
 
-use super::fit::{FIRST_ERROR, Group, HeldOut, LEAST_KNOWN, Problem, weight};
+use super::fit::{FIRST_ERROR, HeldOut, LEAST_KNOWN, Problem, weight};
 use super::flexible::At;
 use super::layout::Layout;
 use super::linear::{damped, stacked};
+use crate::parallel::by_number;
 
 impl Problem<'_> {
     /// Errors of each point by a fit without it; of one or two points, of every fourth line by the others.
@@ -13,24 +14,22 @@ impl Problem<'_> {
         &self,
         layout: &Layout,
         x: &[f64],
-        groups: &[(usize, Group)],
-        factors: &[DMatrix<f64>],
+        groups: &[(usize, DMatrix<f64>)],
         prior: &DMatrix<f64>,
     ) -> Option<Vec<Vec<HeldOut>>> {
         let by_point = self.points.len() > 2;
-        let folds = if by_point { self.points.len() } else { 1 };
-        let mut errors = Vec::new();
         if by_point {
-            for point in 0..folds {
-                let others = (factors.iter().zip(groups))
-                    .filter(|(_, (own, _))| *own != point)
-                    .map(|(factor, _)| factor);
-                let step = damped(&stacked(others, prior), 0.0);
+            let without = |point: usize| {
+                let others = groups.iter().filter(|(own, _)| *own != point);
+                let step = damped(&stacked(others.map(|(_, factor)| factor), prior), 0.0);
                 let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
-                errors.push(self.point_errors(point, 0..self.used, layout, &without)?);
-            }
-            return Some(errors);
+                self.point_errors(point, 0..self.used, layout, &without)
+            };
+            return by_number(0..self.points.len(), without)
+                .into_iter()
+                .collect();
         }
+        let mut errors = Vec::new();
         // Every fourth line in turn: neighbours of a sharp resonance stay in.
         const FOLDS: usize = 4;
         for point in 0..self.points.len() {

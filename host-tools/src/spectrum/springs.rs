@@ -132,11 +132,12 @@ impl<'p> Arm<'_, 'p> {
     ) -> Option<Found<'p>> {
         let mut found = None;
         let motors = self.motors();
+        let mut lacking = None;
         for _ in 0..SAG_FITS {
             let mut problem = self.problem(plants);
-            let fit = problem.fit(&layout, &starts);
-            let fit = fit.filter(|fit| fit.error().is_finite())?;
-            let of = |unknown: Unknown| 1.0 / fit.layout.value(&fit.x, unknown);
+            let (state, now) = problem.settle(&layout, &starts, lacking)?;
+            lacking = Some(now);
+            let of = |unknown: Unknown| 1.0 / layout.value(&state.x, unknown);
             let joints = (0..self.joints.len()).map(Unknown::Stiffness);
             let compliance: Vec<f64> = joints
                 .chain((0..bends.len()).map(Unknown::BendStiffness))
@@ -145,10 +146,12 @@ impl<'p> Arm<'_, 'p> {
             let [means, middles] = links.plants(&motors, &compliance).ok()?;
             plants = means.clone();
             problem.plants = means;
-            starts = vec![fit.x.clone()];
-            found = Some((problem, fit, middles));
+            starts = vec![state.x.clone()];
+            found = Some((problem, state, now, middles));
         }
-        let (problem, fit, middles) = found?;
+        let (problem, state, lacking, middles) = found?;
+        let fit = problem.judged(&layout, state, lacking);
+        let fit = fit.filter(|fit| fit.error().is_finite())?;
         Some(Found {
             bends,
             links,
