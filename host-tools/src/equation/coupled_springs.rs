@@ -12,12 +12,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::spring::before;
+use crate::recording::PIECE_US;
 
 /// The fastest swing's angle in a step of the trapezoidal rule, rad: its frequency is then right within 0.03²·… = 1e-3.
 const ANGLE: f64 = 0.1;
 /// Most steps between two samples.
 const MOST_STEPS: f64 = 64.0;
+
+/// A free swing has decayed to 3 % after so many of its time constants.
+const DECAYED: f64 = 3.5;
+/// The longest wait for it, s: half of the pieces to which long recordings are thinned ([`PIECE_US`]).
+const LONGEST: f64 = 0.5e-6 * PIECE_US as f64;
+
+/// How long a link swings that a spring with a damper holds (kg m², N m s/rad) after what was not seen, s.
+pub(crate) fn settling(inertia: f64, damping: f64) -> f64 {
+    (DECAYED * 2.0 * inertia / damping).min(LONGEST)
+}
 
 /// A joint's spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,11 +55,14 @@ pub(super) fn coupled(
     let of = |f: fn(&Spring) -> f64| DVector::from_iterator(n, springs.iter().map(f));
     let (k, d) = (of(|s| s.stiffness), of(|s| s.damping));
     let mut last = inertia(0);
-    let starts: Vec<[f64; 2]> = (0..n)
-        .map(|i| before(t, &load[i], last[(i, i)] / k[i]))
-        .collect();
-    let mut x = DVector::from_fn(n, |i, _| -starts[i][0] / k[i]);
-    let mut v = DVector::from_fn(n, |i, _| -starts[i][1] / k[i]);
+    // What was before is not known: links begin where the mean load over one of their swings holds them, and what they swung then is lacking until it has
+    // decayed ([`settling`]).
+    let mut x = DVector::from_fn(n, |i, _| {
+        let swing = std::f64::consts::TAU * (last[(i, i)] / k[i]).sqrt();
+        let count = t.partition_point(|own| *own <= t[0] + swing).max(1);
+        -load[i][..count].iter().sum::<f64>() / (count as f64 * k[i])
+    });
+    let mut v = DVector::zeros(n);
     let mut momentum = &last * &v;
     for now in 0..t.len() {
         if now > 0 {

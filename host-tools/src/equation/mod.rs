@@ -13,7 +13,7 @@ mod backlash;
 pub(crate) mod body;
 pub(crate) mod column;
 pub(crate) mod contribution;
-mod coupled_springs;
+pub(crate) mod coupled_springs;
 pub(crate) mod encoder;
 pub(crate) mod folds;
 pub(crate) mod foot;

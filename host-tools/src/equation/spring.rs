@@ -91,7 +91,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
 ///
 /// What was before is not known, so the link is taken to have followed without swinging. One difference of samples is noise, which the
 /// spring would swing with for long: the straight line is of the load over one radian of the spring's own swing.
-pub(super) fn before(t: &[f64], load: &[f64], mass_by_compliance: f64) -> [f64; 2] {
+fn before(t: &[f64], load: &[f64], mass_by_compliance: f64) -> [f64; 2] {
     let end = t[0] + mass_by_compliance.sqrt();
     let count = t.partition_point(|t| *t <= end).max(2).min(t.len());
     let n = count as f64;
