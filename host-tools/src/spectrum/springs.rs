@@ -134,7 +134,7 @@ impl<'p> Arm<'_, 'p> {
         let motors = self.motors();
         let mut lacking = None;
         for _ in 0..SAG_FITS {
-            let mut problem = self.problem(plants);
+            let problem = self.problem(plants);
             let (state, now) = problem.settle(&layout, &starts, lacking)?;
             lacking = Some(now);
             let of = |unknown: Unknown| 1.0 / layout.value(&state.x, unknown);
@@ -144,14 +144,15 @@ impl<'p> Arm<'_, 'p> {
                 .map(of)
                 .collect();
             let [means, middles] = links.plants(&motors, &compliance).ok()?;
-            plants = means.clone();
-            problem.plants = means;
+            plants = means;
             starts = vec![state.x.clone()];
             found = Some((problem, state, now, middles));
         }
-        let (problem, state, lacking, middles) = found?;
+        let (mut problem, state, lacking, middles) = found?;
+        // With the plants that it was fitted with: about another minimum all that is left out in turn would move it alike.
         let fit = problem.judged(&layout, state, lacking);
         let fit = fit.filter(|fit| fit.error().is_finite())?;
+        problem.plants = plants;
         Some(Found {
             bends,
             links,
