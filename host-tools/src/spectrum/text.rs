@@ -121,7 +121,7 @@ impl Frf {
             is_stiffness.then(|| format!("{joint} {axis} {}", stiffness()))
         };
         let all: Vec<String> = self.parameters.iter().filter_map(of).collect();
-        (!all.is_empty()).then(|| format!("Links bend in front of {}", all.join("; ")))
+        (!all.is_empty()).then(|| format!("Links bend: {}", all.join("; ")))
     }
 
     fn measurement_in_words(&self) -> String {
