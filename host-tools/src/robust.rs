@@ -1,4 +1,4 @@
-//! Order statistics: quantiles, and the scale that outliers do not move (Huber & Ronchetti 2009, §5.1).
+//! Order statistics: quantiles, and the scale that outliers do not move (Huber & Ronchetti 2009, §5.1); gains in their own errors.
 
 /// The median of |x| where x is normal, in standard deviations: Φ⁻¹(3/4).
 pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.6745;
@@ -20,6 +20,16 @@ pub(crate) fn median(x: impl IntoIterator<Item = f64>) -> Option<f64> {
 /// Standard deviation of normal numbers about zero, by the median of their size; none of none.
 pub(crate) fn scale(x: impl IntoIterator<Item = f64>) -> Option<f64> {
     Some(median(x.into_iter().map(f64::abs))? / MEDIAN_OF_NORMAL)
+}
+
+/// Mean gain of one set of held-out squares over another, group by group, in its own standard errors.
+pub(crate) fn gain(before: &[f64], after: &[f64]) -> f64 {
+    let n = before.len() as f64;
+    let differences: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
+    let mean = differences.iter().sum::<f64>() / n;
+    let spread: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
+    let error = (spread / (n * (n - 1.0)).max(1.0)).sqrt();
+    if error > 0.0 { mean / error } else { 0.0 }
 }
 
 #[cfg(test)]

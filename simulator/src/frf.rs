@@ -1,7 +1,7 @@
 //! A robot with elastic joints under periodic excitation: a log for frequency responses, and a slow one of the same robot.
 //!
 //! Each joint has a motor of inertia J with viscous and Coulomb friction, a spring and a damper, and behind it a link of the tree; gravity acts
-//! on the links. Motors are decoupled, so that Coulomb friction is an impulse of at most F_c Δt against each one's velocity, exact in sticking
+//! on the links. Links may bend about axes without a motor. Motors are decoupled, so that Coulomb friction is an impulse of at most F_c Δt against each one's velocity, exact in sticking
 //! too. Positions move half a step before and after the forces (position Verlet): second order, and it keeps a spring's energy.
 //!
 //! A controller of the sampling rate plays a plan, sample by sample ([`FrfCommand`]): feed-forward torque, and feedback on position and velocity.
@@ -59,6 +59,8 @@ pub struct ElasticJoint {
     pub coulomb: f64,
     /// Stiffness, N m/rad, and damping, N m s/rad; none: stiff.
     pub spring: Option<[f64; 2]>,
+    /// The same of what bends in front of it about the two axes across its own; none: rigid.
+    pub bends: [Option<[f64; 2]>; 2],
 }
 
 /// What to record.
@@ -113,7 +115,7 @@ impl FrfSimulation {
     pub fn truth(&self) -> Vec<TrueValue> {
         let robot = Robot::new(self);
         let mut truth = Vec::new();
-        for (j, joint) in robot.joints.iter().enumerate() {
+        for (j, joint) in robot.driven.iter().map(|&at| &robot.axes[at]).enumerate() {
             let mut add = |name: &str, unit, value| {
                 let name = format!("{name}:{}", joint.name);
                 truth.push(TrueValue { name, unit, value });
@@ -123,6 +125,12 @@ impl FrfSimulation {
             add("armature", "kg m²", robot.armature[j]);
             add("viscous", "N m s/rad", joint.viscous);
             add("coulomb", "N m", joint.coulomb);
+            for (n, bend) in joint.bends.iter().enumerate() {
+                let Some([k, d]) = bend else { continue };
+                let name = format!("bend_{}", n + 1);
+                add(&format!("{name}:link_elasticity"), "rad/(N m)", 1.0 / k);
+                add(&format!("{name}_d:link_elasticity"), "N m s/rad", *d);
+            }
         }
         truth
     }
@@ -132,17 +140,25 @@ impl FrfSimulation {
         /// ω Δt of a spring, and d Δt/inertia of a damper: half of where steps become unstable.
         const MOST: [f64; 2] = [1.0, 0.5];
         let robot = Robot::new(self);
-        let inertia = robot.inertia(&vec![0.0; self.joints.len()]);
-        let speed = |j: usize| {
-            let inverse = 1.0 / inertia[(j, j)] + 1.0 / robot.armature[j];
-            let [k, d] = robot.spring[j].map(|of| of * inverse);
+        let inertia = robot.inertia(&vec![0.0; robot.axes.len()]);
+        let springs = robot.driven.iter().zip(&robot.spring).zip(&robot.armature);
+        let springs = springs
+            .map(|((&at, spring), motor)| (at, *spring, 1.0 / inertia[(at, at)] + 1.0 / motor));
+        // A bend moves what it carries against springs and other bends.
+        let free = inertia.clone().try_inverse();
+        let bends = robot.bends.iter().map(|&(at, spring)| {
+            let inverse = free.as_ref().map_or(f64::INFINITY, |free| free[(at, at)]);
+            (at, spring, inverse)
+        });
+        let is_fast = |(at, spring, inverse): (usize, [f64; 2], f64)| {
+            let [k, d] = spring.map(|of| of * inverse);
             let is_fast = k.sqrt() * STEP > MOST[0] || d * STEP > MOST[1];
-            (!(k.is_finite() && d.is_finite()) || is_fast)
-                .then_some(k.sqrt() / std::f64::consts::TAU)
+            (!(k.is_finite() && d.is_finite()) || is_fast).then(|| {
+                let name = robot.axes[at].name.clone();
+                (name, k.sqrt() / std::f64::consts::TAU)
+            })
         };
-        let joints = self.joints.iter().enumerate();
-        let mut fast = joints.filter_map(|(j, joint)| Some((joint.name.clone(), speed(j)?)));
-        fast.next()
+        springs.chain(bends).find_map(is_fast)
     }
 
     /// Plays a plan, its commands one after the other, with these gains of each joint (N m/rad, N m s/rad), from rest at the first one.
@@ -215,7 +231,7 @@ impl FrfSimulation {
             let (q, dq): (Vec<f64>, Vec<f64>) = (0..middle.len()).map(of).unzip();
             let reference = vec![0.0; middle.len()];
             let command = FrfCommand {
-                tau: robot.torques(&q, &reference, &reference),
+                tau: robot.holding(&q),
                 q,
                 dq,
                 reference,
@@ -239,16 +255,16 @@ fn range(joint: &ElasticJoint) -> [f64; 2] {
 
 /// Gains of slow motion: each joint alone as a mass.
 fn slow_gains(robot: &Robot) -> Vec<[f64; 2]> {
-    let inertia = robot.inertia(&vec![0.0; robot.joints.len()]);
+    let inertia = robot.inertia(&vec![0.0; robot.axes.len()]);
     let omega = std::f64::consts::TAU * BANDWIDTH;
-    let of = |(j, armature): (usize, &f64)| {
-        let inertia = armature + inertia[(j, j)];
+    let of = |(armature, &at): (&f64, &usize)| {
+        let inertia = armature + inertia[(at, at)];
         [
             inertia * omega * omega,
             2.0 * CONTROL_DAMPING * omega * inertia,
         ]
     };
-    robot.armature.iter().enumerate().map(of).collect()
+    robot.armature.iter().zip(&robot.driven).map(of).collect()
 }
 
 /// Feedback and feed-forward of the sampling rate.
@@ -284,7 +300,8 @@ impl Control {
         let mut noise = |size: f64| size * self.noise * self.rng.sample::<f64, _>(StandardNormal);
         let q: Vec<f64> = robot.motor[0].iter().map(|q| q + noise(NOISE[0])).collect();
         let dq: Vec<f64> = robot.motor[1].iter().map(|v| v + noise(NOISE[1])).collect();
-        let q_link: Vec<f64> = robot.link[0].iter().map(|q| q + noise(NOISE[0])).collect();
+        let links = robot.driven.iter().map(|&at| robot.link[0][at]);
+        let q_link: Vec<f64> = links.map(|q| q + noise(NOISE[0])).collect();
         let torque: Vec<f64> = (0..n)
             .map(|j| {
                 let [stiff, damped] = self.gains[j];
@@ -332,6 +349,7 @@ mod tests {
             viscous: 0.0,
             coulomb: 3.0,
             spring: Some([5e3, 2.0]),
+            bends: [None; 2],
         };
         FrfSimulation {
             joints: vec![joint],
@@ -381,6 +399,36 @@ mod tests {
         assert!(bend(&robot).abs() <= 0.0101);
         let swings = (crossings.len() - 1) as f64;
         swings / (crossings[crossings.len() - 1] - crossings[0])
+    }
+
+    /// A bend across the joint swings by itself, free of it, at √(k_e/H); what is hidden at one is one.
+    #[test]
+    fn a_bend_swings_at_its_own_resonance() {
+        let mut of = beam();
+        of.down = Vector3::zeros();
+        // Across y are x, along the beam, and z: about z its mass of 2 kg at 1 m turns.
+        of.joints[0].bends = [None, Some([8e3, 0.0])];
+        let mut robot = Robot::new(&of);
+        assert_eq!((robot.axes.len(), robot.driven.clone()), (2, vec![1]));
+        robot.link[0][0] = 0.01;
+        let period = std::f64::consts::TAU / (8e3_f64 / 2.0).sqrt();
+        let steps = 1000;
+        robot.advance(&[0.0], period, steps);
+        assert!(
+            (robot.link[0][0] - 0.01).abs() < 1e-7,
+            "{}",
+            robot.link[0][0]
+        );
+        robot.advance(&[0.0], 0.5 * period, steps);
+        assert!(
+            (robot.link[0][0] + 0.01).abs() < 1e-7,
+            "{}",
+            robot.link[0][0]
+        );
+        assert!(robot.link[0][1].abs() < 1e-12 && robot.motor[0][0].abs() < 1e-12);
+        let truth = of.truth();
+        let bend = truth.iter().find(|t| t.name == "bend_2:link_elasticity:j");
+        assert!(bend.is_some_and(|t| t.value == 1.0 / 8e3));
     }
 
     /// A damper that saw the velocity half a step late would be a spring of d ω² Δt/2 more: here the frequency would be 3e-4 too high.

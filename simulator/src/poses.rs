@@ -380,7 +380,7 @@ impl<'a> Arm<'a> {
 }
 
 /// Two axes across another: the frame's own that is least along it, made perpendicular, and the one that completes the frame.
-fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
+pub(crate) fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()));
     let mut own = Vector3::zeros();
     own[least.unwrap_or(0)] = 1.0;

@@ -17,7 +17,8 @@ use crate::spectrum::{Frf as Responses, frf};
 /// A log has some periods of a multisine, recorded at the motors while a controller holds the robot. Periods, excited lines and transients are
 /// found; the responses from torque to position come with their noise (scatter over periods) and distortion (scatter over blocks of other
 /// phases). Of one joint, motor, spring and load are fitted from nothing; with -m the springs of all joints, in front of the model's links,
-/// after its dry friction is subtracted. The error is held out, in log magnitude: 0.01 is 1 % of a response.
+/// after its dry friction is subtracted, and links that bend where springs at the joints do not explain the responses. The error is held out, in log
+/// magnitude: 0.01 is 1 % of a response.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio frf bench.csv
@@ -30,7 +31,7 @@ pub(crate) struct Frf {
     /// The model of the robot: masses, armature, Coulomb friction
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Write `elasticity` of each joint whose spring is identified into the model file
+    /// Write springs, links that bend and their dampers into the model file, as far as they are identified
     #[arg(long, requires = "model")]
     apply: bool,
     /// Write the responses: point,f,out,in,re,im,var,var_noise,dof and each point's q/<joint>

@@ -192,7 +192,7 @@ impl Motion {
                     Arc::new(self.load_of(body, (&motors, delay), values, (loose, asked)))
                 }
             };
-            self.fill_load(&load, values, &needs, &mut states);
+            self.fill_load(body, (&load, values), &needs, &mut states);
             if !needs.torque.is_empty() {
                 self.fill_torque(&load.torque, (values, columns), &needs, &mut states);
             }

@@ -3,9 +3,12 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use nalgebra::DMatrix;
 use proprio_core::effect::Transmission;
 
 use super::backlash::play;
+use super::body::LimbBody;
+use super::coupled_springs::{Spring, coupled};
 use super::joint_states::{Needs, States};
 use super::motion::Motion;
 use super::spring::{Gear, spring};
@@ -26,8 +29,8 @@ impl Motion {
     /// (rad/s).
     pub(super) fn fill_load(
         &self,
-        load: &Load,
-        values: &Values,
+        body: &LimbBody,
+        (load, values): (&Load, &Values),
         needs: &Needs,
         states: &mut States,
     ) {
@@ -43,6 +46,7 @@ impl Motion {
             states.give = vec![[0.0; 2]; all];
         }
         let range = states.first..states.first + all / n.max(1);
+        let springs = coupled_springs(values, &needs.spring);
         for stretch in self.stretches_within(&range) {
             for &j in &needs.play {
                 let gap = values.transmission(Transmission::Backlash, j, 0);
@@ -52,6 +56,7 @@ impl Motion {
                     states.move_link(at - from, gap, moved);
                 }
             }
+            self.on_springs(body, (load, values), &springs, &stretch, states);
             for &j in &needs.spring {
                 let compliance = values.transmission(Transmission::Spring, j, 0);
                 let gear = gear(values, j, compliance);
@@ -64,8 +69,10 @@ impl Motion {
                     }
                     continue;
                 }
-                for (at, moved) in self.on_spring(load, &stretch, j, gear) {
-                    states.move_link(at - from, 1.0, moved);
+                if springs.iter().all(|spring| spring.joint != j) {
+                    for (at, moved) in self.on_spring(load, &stretch, j, gear) {
+                        states.move_link(at - from, 1.0, moved);
+                    }
                 }
                 if needs.give.contains(&j) {
                     let [more, less] = [1.0 + NEAR, 1.0 - NEAR].map(|share| {
@@ -155,6 +162,42 @@ impl Motion {
         })
     }
 
+    /// Moves the links of several springs together, from where they are: under their loads and what they pass on to each other.
+    fn on_springs(
+        &self,
+        body: &LimbBody,
+        (load, values): (&Load, &Values),
+        springs: &[Spring],
+        stretch: &Range<usize>,
+        states: &mut States,
+    ) {
+        if springs.is_empty() {
+            return;
+        }
+        let (n, first) = (self.joints, states.first);
+        let (rigid, base) = (body.loaded(values), body.base(values));
+        let of = |spring: &Spring| {
+            let own = stretch.clone().map(|k| load.torque[k * n + spring.joint]);
+            own.collect::<Vec<f64>>()
+        };
+        let loads: Vec<Vec<f64>> = springs.iter().map(of).collect();
+        let q = &states.q;
+        let inertia = |i: usize| {
+            let at = (stretch.start + i - first) * n;
+            let mut all = vec![0.0; n * n];
+            rigid.inertia_matrix(&base, &q[at..at + n], &mut all);
+            DMatrix::from_fn(springs.len(), springs.len(), |a, b| {
+                all[springs[a].joint * n + springs[b].joint]
+            })
+        };
+        let moved = coupled(&self.time[stretch.clone()], springs, &loads, inertia);
+        for (spring, moved) in springs.iter().zip(moved) {
+            for (k, moved) in stretch.clone().zip(moved) {
+                states.move_link((k - first) * n + spring.joint, 1.0, moved);
+            }
+        }
+    }
+
     /// Moves a joint's link as far as a gap (rad) or a compliance (rad/(N m)) lets the load move it.
     pub(crate) fn loosen(
         &self,
@@ -196,6 +239,21 @@ impl Motion {
         at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
             .collect()
     }
+}
+
+/// Springs that are known with their dampers and have no friction inside: those of several joints move together.
+fn coupled_springs(values: &Values, joints: &[usize]) -> Vec<Spring> {
+    let of = |&joint: &usize| {
+        let compliance = values.transmission(Transmission::Spring, joint, 0);
+        let inside = values.transmission(Transmission::SpringFriction, joint, 0);
+        (compliance > 0.0 && inside <= 0.0).then_some(())?;
+        Some(Spring {
+            joint,
+            stiffness: 1.0 / compliance,
+            damping: values.damper(joint)?,
+        })
+    };
+    joints.iter().filter_map(of).collect()
 }
 
 /// What a model has between a joint's motor and its link, with this compliance, rad/(N m).

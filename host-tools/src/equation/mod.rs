@@ -1,6 +1,6 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
-//! 1. `motion`: a limb's motion without any torque, cut into windows of time; `joint_states`: with `links` (`backlash`, `spring`) and `presliding`,
+//! 1. `motion`: a limb's motion without any torque, cut into windows of time; `joint_states`: with `links` (`backlash`, `spring`, `coupled_springs`) and `presliding`,
 //!    what effects see of it under a model; `free_tree` and `recoil`, what joints feel of a base that their motion moves; `transmitted_torque`, what its gears transmit, smoothed by a `local_line` and kept in `transmitted_torque_cache`.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them; `encoder`: the motion behind what encoders report.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `contribution`: what an effect adds
@@ -13,6 +13,7 @@ mod backlash;
 pub(crate) mod body;
 pub(crate) mod column;
 pub(crate) mod contribution;
+pub(crate) mod coupled_springs;
 pub(crate) mod encoder;
 pub(crate) mod folds;
 pub(crate) mod foot;

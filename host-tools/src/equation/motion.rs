@@ -195,6 +195,14 @@ impl Motion {
         ]
     }
 
+    /// How long what is before a window's end was seen without a gap when the window begins, s.
+    pub(crate) fn seen_before(&self, window: &Window) -> f64 {
+        let first = window.samples[0];
+        let stretch = self.stretches.partition_point(|s| s.end <= first);
+        let start = self.stretches.get(stretch).map_or(first, |s| s.start);
+        self.time[first] - self.time[start]
+    }
+
     /// The least and the greatest position of a joint, rad.
     pub(crate) fn positions(&self, joint: usize) -> [f64; 2] {
         let q = || self.joint[joint].state.iter().map(|state| state[0]);

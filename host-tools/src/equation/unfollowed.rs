@@ -26,7 +26,7 @@ impl Motion {
     }
 
     /// The inertia that a joint turns, the mean over some poses, kg m².
-    fn usual_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
+    pub(crate) fn usual_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
         let n = self.joints;
         let (rigid, base) = (body.loaded(values), body.base(values));
         let (mut torque, mut inertia, still) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);

@@ -5,7 +5,7 @@ use proprio_core::effect::{EffectKind, Form, MAX_PARAMETERS, Moved, Transmission
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::encoder::Encoder;
-use crate::model::{BASE, Limb, Model};
+use crate::model::{BASE, JointQuantity, Limb, Model};
 
 /// An effect at a joint of a limb, counted from the limb's first; [`BASE`] for what all joints share.
 pub(crate) type Place = (EffectKind, usize);
@@ -25,6 +25,8 @@ pub(crate) struct Values {
     pub(crate) bodies: Vec<[f64; INERTIAL]>,
     /// The effects that the model has, in the order in which they came, with their parameters as the catalogue counts them.
     effects: Vec<(Place, [f64; MAX_PARAMETERS])>,
+    /// What damps each joint's spring, N m s/rad; zero where the model does not say.
+    dampers: Vec<f64>,
 }
 
 impl Values {
@@ -34,6 +36,7 @@ impl Values {
         Self {
             bodies: limb.bodies.clone().map(body).collect(),
             effects: Vec::new(),
+            dampers: vec![0.0; limb.bodies.len()],
         }
     }
 
@@ -45,12 +48,17 @@ impl Values {
         Self {
             bodies: limb.bodies.clone().map(cad).collect(),
             effects: Vec::new(),
+            dampers: vec![0.0; limb.bodies.len()],
         }
     }
 
     /// What a model file gives: an effect without a value does nothing.
     pub(crate) fn given(model: &Model, limb: &Limb) -> Self {
         let mut values = Self::bodies_of(model, limb);
+        for (damper, body) in values.dampers.iter_mut().zip(limb.bodies.clone()) {
+            let known = model.spring_damping(body, JointQuantity::Elasticity);
+            *damper = known.map_or(0.0, |known| known.value);
+        }
         for (place, e) in places(model, limb) {
             if e.estimates.iter().any(Option::is_some) {
                 values.insert(place);
@@ -147,6 +155,11 @@ impl Values {
     /// A parameter of what a joint has between motor and link, SI; zero where the model has nothing of the kind.
     pub(crate) fn transmission(&self, of: Transmission, joint: usize, parameter: usize) -> f64 {
         self.sum(Form::Motion(Moved::Link(of)), joint, parameter)
+    }
+
+    /// What damps a joint's spring, N m s/rad, where the model says so.
+    pub(crate) fn damper(&self, joint: usize) -> Option<f64> {
+        self.dampers.get(joint).copied().filter(|d| *d > 0.0)
     }
 
     /// Roll and pitch of gravity against the model's base, rad.

@@ -9,9 +9,10 @@ use super::directions::Directions;
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
 use crate::equation::contribution::{Contribution, contributions};
+use crate::equation::coupled_springs;
 use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
-use crate::equation::motion::Motion;
+use crate::equation::motion::{Motion, Window};
 use crate::equation::recoil::Recoil;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
@@ -22,6 +23,18 @@ use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
 use crate::predict::{self, LooseLink, predict};
 use crate::recording::LimbRecording;
 use crate::signs::Signs;
+
+/// How long links swing that these values' springs and dampers hold, s; nothing where no damper is known.
+fn settling(motion: &Motion, body: &LimbBody, values: &Values) -> f64 {
+    let of = |joint: usize| {
+        let damping = values.damper(joint)?;
+        let swings = values.transmission(Transmission::Spring, joint, 0) > 0.0
+            && motion.link(joint).is_none();
+        let inertia = motion.usual_inertia(body, values, joint);
+        swings.then(|| coupled_springs::settling(inertia, damping))
+    };
+    (0..motion.joints).filter_map(of).fold(0.0, f64::max)
+}
 
 /// A limb's data. Made once; fits read them. A copy shares them.
 #[derive(Clone)]
@@ -37,6 +50,8 @@ pub(crate) struct LimbData<'a> {
     pub(crate) torque: Arc<Vec<f64>>,
     /// Windows that are left out, ground contact among them.
     pub(crate) left_out: Vec<bool>,
+    /// How long after a gap links swing that the model's springs and dampers hold, s: what they did before is not known.
+    settling: f64,
     /// Whether joints are judged also while they rest.
     at_rest: bool,
     /// Reported over true velocity of each joint, as the motion was made with.
@@ -131,11 +146,12 @@ impl<'a> LimbData<'a> {
             .collect();
         let first = limb.bodies.start;
         let end = |b: usize| model.robot().subtree(b).end - first;
-        Some(Self {
-            body: Arc::new(LimbBody::of(model, limb)?),
-            left_out: (motion.windows.iter())
-                .map(|window| is_not_asked(recording, window.samples))
-                .collect(),
+        let body = Arc::new(LimbBody::of(model, limb)?);
+        let settling = settling(&motion, &body, &Values::given(model, limb));
+        let mut own = Self {
+            body,
+            settling,
+            left_out: Vec::new(),
             at_rest: false,
             less_certain: vec![1.0; n],
             subtree_end: limb.bodies.clone().map(end).collect(),
@@ -148,7 +164,17 @@ impl<'a> LimbData<'a> {
             velocity_gain,
             integrals: Arc::default(),
             directions: Arc::default(),
-        })
+        };
+        own.left_out = (own.motion.windows.iter())
+            .map(|window| own.is_never_judged(window))
+            .collect();
+        Some(own)
+    }
+
+    /// Whether nothing is judged in a window: it is not asked for, or its links swing still from what was before a gap.
+    fn is_never_judged(&self, window: &Window) -> bool {
+        is_not_asked(self.recording, window.samples)
+            || self.settling > 0.0 && self.motion.seen_before(window) < self.settling
     }
 
     /// The same without windows in which a joint rests.
@@ -168,12 +194,13 @@ impl<'a> LimbData<'a> {
 
     /// The same without the windows that overlap a range of samples \[first, last\], ascending.
     pub(crate) fn without(mut self, ranges: &[[usize; 2]]) -> Self {
-        for (out, window) in self.left_out.iter_mut().zip(&self.motion.windows) {
+        let is_out = |window: &Window| {
             let [first, last] = window.samples;
             let next = ranges.partition_point(|range| range[1] <= first);
             let own = ranges.get(next).is_some_and(|range| range[0] < last);
-            *out = own || is_not_asked(self.recording, window.samples);
-        }
+            own || self.is_never_judged(window)
+        };
+        self.left_out = self.motion.windows.iter().map(is_out).collect();
         self.directions = Arc::default();
         self
     }

@@ -7,7 +7,7 @@ use super::columns::{Column, Unknown};
 use super::error::CalibrateError;
 use super::poses::{Carrier, Poses};
 use super::witnesses::Witnessed;
-use crate::model::{Fixture, JointQuantity as Q, Model, Tool};
+use crate::model::{Fixture, JointQuantity as Q, Model, Tool, Witness};
 
 /// Frame corrections along the frame's own axes: value, standard deviation and prior's.
 pub(super) fn along_frame(
@@ -56,7 +56,7 @@ pub(super) fn applied(
     model.clear_kinematics();
     for joint in 0..chain.joints() {
         for quantity in Q::ALL {
-            // Of springs and gaps what these poses alone measured: the model combines it with the others' numbers.
+            // Of springs, bends and gaps what these poses alone measured: the model combines it with the others' numbers.
             let alone = own.iter().chain(&all);
             let mut alone = alone.filter(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
             let alone = alone.next().map(|(_, value, std)| (*value, *std));
@@ -65,7 +65,7 @@ pub(super) fn applied(
                 Some((value, std))
             });
             if let Some((value, std)) = known {
-                model.set_joint_quantity(joint, quantity, value, std)?;
+                model.set_joint_quantity(joint, quantity, Witness::Poses, value, std)?;
             }
         }
     }

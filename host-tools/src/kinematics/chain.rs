@@ -11,7 +11,7 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::GRAVITY;
 
 use super::poses::Pose;
-use crate::model::{Fixture, JointKind, JointQuantity, Model};
+use crate::model::{Fixture, JointKind, JointQuantity, Model, Witness, across};
 
 /// How many numbers calibration knows of a joint.
 pub(super) const QUANTITIES: usize = JointQuantity::ALL.len();
@@ -248,32 +248,34 @@ impl Chain {
     }
 }
 
-/// Two unit vectors across an axis: the frame's own where the axis is one of them.
-fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let least = axis.iamin();
-    let seed = Vector3::from_fn(|row, _| f64::from(u8::from(row == least)));
-    let first = (seed - axis * axis.dot(&seed)).normalize();
-    [first, axis.cross(&first)]
-}
-
 impl State {
-    /// Frames as described, springs and gaps as the model file has them, the base at the measuring system's origin, these targets.
+    /// Frames as described, springs and gaps as the model file has them, bends as others than poses have, the base at the measuring system's origin, these
+    /// targets.
     pub(super) fn nominal(model: &Model, targets: Vec<Target>) -> Self {
-        let effects = [JointQuantity::Elasticity, JointQuantity::Backlash];
-        Self::with(model, targets, &effects)
+        Self::with(model, targets, |joint, quantity| match quantity.is_bend() {
+            true => Some(model.others(joint, quantity, Witness::Poses)?.value),
+            false => quantity
+                .effect()
+                .and_then(|_| Some(model.joint_quantity(joint, quantity)?.value)),
+        })
     }
 
     /// All that a model file says.
     pub(super) fn of_model(model: &Model, targets: Vec<Target>) -> Self {
-        Self::with(model, targets, &JointQuantity::ALL)
+        Self::with(model, targets, |joint, quantity| {
+            Some(model.joint_quantity(joint, quantity)?.value)
+        })
     }
 
-    fn with(model: &Model, targets: Vec<Target>, quantities: &[JointQuantity]) -> Self {
+    fn with(
+        model: &Model,
+        targets: Vec<Target>,
+        known: impl Fn(usize, JointQuantity) -> Option<f64>,
+    ) -> Self {
         let mut joints = vec![[0.0; QUANTITIES]; model.robot().bodies().len()];
         for (j, values) in joints.iter_mut().enumerate() {
-            for quantity in quantities {
-                let known = model.joint_quantity(j, *quantity);
-                values[quantity.index()] = known.map_or(0.0, |e| e.value);
+            for quantity in JointQuantity::ALL {
+                values[quantity.index()] = known(j, quantity).unwrap_or(0.0);
             }
         }
         let mount = model.kinematics().mount.as_ref();

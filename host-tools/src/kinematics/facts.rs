@@ -3,7 +3,7 @@
 //! Priors are what manufacture leaves, one standard deviation; the search scales those of geometry to the robot by held-out error.
 
 use super::chain::Chain;
-use crate::model::JointQuantity as Q;
+use crate::model::{JointQuantity as Q, LINK_ELASTICITY};
 
 /// A cause of error at a joint, or at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +80,7 @@ pub(super) const EFFECTS: [Fact; 6] = [
         needs_sides: false,
     },
     Fact {
-        name: "link_elasticity",
+        name: LINK_ELASTICITY,
         quantities: &[Q::BendFirst, Q::BendSecond],
         words: "links and bearings bend across the joint's axis",
         separated_by: "poses that turn the load about the link",

@@ -159,16 +159,6 @@ pub(super) fn place_rms(rows: &Rows, errors: &HeldOut) -> f64 {
     (3.0 * squares / places.count().max(1) as f64).sqrt()
 }
 
-/// Mean gain of one set of held-out errors over another by pose, in its own standard errors.
-pub(super) fn gain(before: &[f64], after: &[f64]) -> f64 {
-    let n = before.len() as f64;
-    let differences: Vec<f64> = before.iter().zip(after).map(|(b, a)| b - a).collect();
-    let mean = differences.iter().sum::<f64>() / n;
-    let spread: f64 = differences.iter().map(|d| (d - mean).powi(2)).sum();
-    let error = (spread / (n * (n - 1.0)).max(1.0)).sqrt();
-    if error > 0.0 { mean / error } else { 0.0 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

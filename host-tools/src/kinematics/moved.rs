@@ -6,6 +6,7 @@ use super::columns::{Column, Unknown};
 use super::error::CalibrateError;
 use super::fit::{Fit, Problem};
 use super::held_out;
+use crate::robust::gain;
 
 /// Fewest poses on either side of a move.
 const LEAST_POSES: usize = 4;
@@ -49,7 +50,7 @@ pub(super) fn check(problem: &Problem, fit: &Fit) -> Result<(), CalibrateError> 
             let falls = (error / sum(&before)).sqrt() < FALLS_TO;
             if falls
                 && best.as_ref().is_none_or(|(least, ..)| error < *least)
-                && held_out::gain(&before, &by_pose) >= LEAST_Z
+                && gain(&before, &by_pose) >= LEAST_Z
             {
                 best = Some((error, n, split, after));
             }

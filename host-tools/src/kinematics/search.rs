@@ -13,6 +13,7 @@ use super::identifiable::OPEN;
 use super::poses::Poses;
 use super::{outliers, start};
 use crate::model::JointQuantity as Q;
+use crate::robust::gain;
 
 /// Standard errors that a step's mean gain needs.
 pub(super) const LEAST_Z: f64 = 3.0;
@@ -226,7 +227,7 @@ fn rung(step: &'static str, fit: &Fit) -> Rung {
 fn gains(before: &Fit, after: &Fit) -> bool {
     let [a, b] = [before, after].map(|fit| fit.by_pose(before.noise));
     let [sum_a, sum_b] = [&a, &b].map(|x| x.iter().sum::<f64>());
-    held_out::gain(&a, &b) >= LEAST_Z && (sum_b / sum_a).sqrt() <= 1.0 - LEAST_GAIN
+    gain(&a, &b) >= LEAST_Z && (sum_b / sum_a).sqrt() <= 1.0 - LEAST_GAIN
 }
 
 /// Whether the poses move a joint's frame, and so whether it is asked for: the first frame of a path moves everything as the mount does.
@@ -392,7 +393,7 @@ fn effects(problem: &Problem, fit: &mut Fit, path: &mut Vec<Rung>, judged: &mut 
             fact: candidates[*n].0,
             joints: candidates[*n].1.clone(),
             error: *rms,
-            z: held_out::gain(&before, by_pose),
+            z: gain(&before, by_pose),
             taken: false,
             alternatives: Vec::new(),
         };
@@ -412,8 +413,8 @@ fn effects(problem: &Problem, fit: &mut Fit, path: &mut Vec<Rung>, judged: &mut 
         best_judged.alternatives = (scored.iter().skip(1))
             .filter(|(n, by_pose, _)| {
                 candidates[*n].0.name != fact.name
-                    && held_out::gain(&before, by_pose) >= LEAST_Z
-                    && held_out::gain(by_pose, &best.1) < ALIKE
+                    && gain(&before, by_pose) >= LEAST_Z
+                    && gain(by_pose, &best.1) < ALIKE
             })
             .map(|(n, ..)| (candidates[*n].0.name, candidates[*n].1.clone()))
             .collect();

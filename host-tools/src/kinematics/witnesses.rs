@@ -1,4 +1,4 @@
-//! What other witnesses measured of springs and gaps beside what poses do: numbers that agree go into the fit together, so that frames are those of
+//! What other witnesses measured of springs, bends and gaps beside what poses do: numbers that agree go into the fit together, so that frames are those of
 //! the springs that the file has in the end.
 
 use super::columns::{Column, Unknown};
@@ -11,17 +11,17 @@ use crate::model::{JointQuantity as Q, Measured, Model, Witness};
 /// A fit with the numbers of all witnesses.
 pub(super) struct Witnessed {
     pub(super) fit: Fit,
-    /// Springs and gaps by these poses alone: value and standard deviation.
+    /// Springs, bends and gaps by these poses alone: value and standard deviation.
     pub(super) own: Vec<(Column, f64, f64)>,
 }
 
-/// Fits once more with what the model file has of springs and gaps by other witnesses, where it has any.
+/// Fits once more with what the model file has of springs, bends and gaps by other witnesses, where it has any.
 pub(super) fn witnessed(problem: &Problem, model: &Model, fit: &Fit) -> Witnessed {
-    let effects = || Q::ALL.into_iter().filter(|q| q.effect().is_some());
-    let places = (0..problem.chain.joints()).flat_map(|j| effects().map(move |q| (j, q)));
+    let shared = || Q::ALL.into_iter().filter(|q| q.has_witnesses());
+    let places = (0..problem.chain.joints()).flat_map(|j| shared().map(move |q| (j, q)));
     let others: Vec<(Unknown, Measured)> = places
         .filter_map(|(joint, quantity)| {
-            let others = model.others(quantity.effect()?, joint, Witness::Poses)?;
+            let others = model.others(joint, quantity, Witness::Poses)?;
             Some((Unknown::Joint(joint, quantity), others))
         })
         .collect();
@@ -29,9 +29,7 @@ pub(super) fn witnessed(problem: &Problem, model: &Model, fit: &Fit) -> Witnesse
     let own: Vec<(Column, f64, f64)> = alone
         .values(problem.chain)
         .into_iter()
-        .filter(
-            |(column, ..)| matches!(column.unknown, Unknown::Joint(_, q) if q.effect().is_some()),
-        )
+        .filter(|(column, ..)| matches!(column.unknown, Unknown::Joint(_, q) if q.has_witnesses()))
         .collect();
     let mut columns = alone.columns.clone();
     let mut any = false;

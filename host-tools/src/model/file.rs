@@ -10,6 +10,7 @@ mod kinematics;
 mod tables;
 mod write;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::catalogue;
@@ -26,7 +27,7 @@ pub(super) use write::text;
 use super::{
     BASE, Estimate, Foot, Impossible, ImuMount, LogConventions, LogRecord, Model, ModelError,
     ModelProblem, Motor, Mounting, Provenance, Robot, UnknownName, Witness,
-    possible::{deviation, in_bounds},
+    possible::{deviation, finite, in_bounds},
 };
 
 /// The newest format that this version reads, and the one it writes.
@@ -435,26 +436,27 @@ fn read_more_parameters(
     Ok(())
 }
 
-/// What each witness measured of the first parameter.
+/// What each witness measured of a number `what` that a check lets in.
 fn read_witnesses(
-    model: &mut Model,
-    (effect, joint): (EffectKind, usize),
-    table: &EffectTable,
+    measured_by: &BTreeMap<String, ParameterEntry>,
+    what: &str,
     at: usize,
-) -> Result<(), Fault> {
-    for (name, &ParameterEntry { value, std }) in &table.measured_by {
+    check: impl Fn(f64) -> Result<f64, Impossible>,
+) -> Result<[Option<Estimate>; 3], Fault> {
+    let mut slots = [None; 3];
+    for (name, &ParameterEntry { value, std }) in measured_by {
         let all = Witness::ALL.iter();
         let Some(slot) = all.clone().position(|witness| witness.key() == name) else {
             let unknown = UnknownName::new("witness", name, all.map(|witness| witness.key()));
             return Err((Some(at), ModelProblem::UnknownName(unknown)));
         };
-        let what = || format!("{name} of {}:{}", effect.name(), table.joint);
-        in_bounds(effect, 0, value).map_err(impossible(at, what()))?;
+        let own = || format!("{name} of {what}");
+        check(value).map_err(impossible(at, own()))?;
         let std = std.map(deviation).transpose();
-        let std = std.map_err(impossible(at, what()))?;
-        model.entry(effect, joint).witnesses[slot] = Some(Estimate { value, std });
+        let std = std.map_err(impossible(at, own()))?;
+        slots[slot] = Some(Estimate { value, std });
     }
-    Ok(())
+    Ok(slots)
 }
 
 fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>, text: &str) -> Result<(), Fault> {
@@ -497,7 +499,10 @@ fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>, text: &str) -> R
                 .place_parameter(effect, joint, 0, value, std)
                 .map_err(impossible(at, what))?;
             read_more_parameters(model, (effect, joint), table, at)?;
-            read_witnesses(model, (effect, joint), table, at)?;
+            let what = format!("{}:{}", effect.name(), table.joint);
+            let check = |value| in_bounds(effect, 0, value);
+            let own = read_witnesses(&table.measured_by, &what, at, check)?;
+            model.entry(effect, joint).witnesses = own;
         }
         (None, Some(_)) => {
             return Err((

@@ -2,7 +2,8 @@
 //! from the description.
 //!
 //! Values are corrections: the description stays as it is, and `proprio export --urdf` adds them to its origins. Elasticity and backlash of a
-//! joint are effects of the model like any other ([`Model::effect`]), because motion logs estimate the same numbers.
+//! joint are effects of the model like any other ([`Model::effect`]), because motion logs estimate the same numbers. Bends of links are measured by
+//! frequency responses too, which add what damps springs and bends.
 
 use nalgebra::{Rotation3, Vector3};
 use proprio_core::effect::EffectKind;
@@ -10,6 +11,9 @@ use proprio_core::spatial::Transform;
 
 use super::{Estimate, Impossible, Model, Witness, possible};
 use crate::catalogue;
+
+/// What bends of links are called, where effects have their name.
+pub(crate) const LINK_ELASTICITY: &str = "link_elasticity";
 
 /// A number that calibration estimates at a joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -80,6 +84,26 @@ impl JointQuantity {
             Self::Elasticity if slides => "m/N",
             Self::BendFirst | Self::BendSecond | Self::Elasticity => "rad/(N m)",
         }
+    }
+
+    /// The key of what damps it in `[kinematics.JOINT]`, N m s/rad, if it is a spring.
+    pub fn damping_key(self) -> Option<&'static str> {
+        match self {
+            Self::Elasticity => Some("d"),
+            Self::BendFirst => Some("bend_1_d"),
+            Self::BendSecond => Some("bend_2_d"),
+            _ => None,
+        }
+    }
+
+    /// Whether others than poses measure it.
+    pub(crate) fn has_witnesses(self) -> bool {
+        self.is_bend() || self.effect().is_some()
+    }
+
+    /// Whether it is of a link or bearing that bends.
+    pub(crate) fn is_bend(self) -> bool {
+        matches!(self, Self::BendFirst | Self::BendSecond)
     }
 
     /// The effect of the catalogue that has this number, where one has.
@@ -154,7 +178,19 @@ pub struct Kinematics {
     /// Targets.
     pub tools: Vec<Tool>,
     /// Corrections, by joint.
-    pub(super) corrections: Vec<(usize, JointQuantity, Estimate)>,
+    pub(super) corrections: Vec<Correction>,
+    /// What damps springs and bends, N m s/rad, by joint and spring.
+    pub(super) dampers: Vec<(usize, JointQuantity, Estimate)>,
+}
+
+/// A number of a joint that is no effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Correction {
+    pub(super) joint: usize,
+    pub(super) quantity: JointQuantity,
+    pub(super) estimate: Estimate,
+    /// What each of [`Witness::ALL`] measured of it, where it was not poses alone.
+    pub(super) witnesses: [Option<Estimate>; 3],
 }
 
 impl Model {
@@ -174,12 +210,17 @@ impl Model {
         if let Some(effect) = quantity.effect() {
             return self.effect(effect, joint)?.estimate();
         }
-        let found = self.kinematics.corrections.iter();
-        let mut found = found.filter(|(j, q, _)| (*j, *q) == (joint, quantity));
-        found.next().map(|(_, _, estimate)| *estimate)
+        Some(self.correction(joint, quantity)?.estimate)
     }
 
-    /// States what poses measured of a quantity at a joint, rounded as identified values are; an effect's is combined with what others measured.
+    /// The entry of a quantity that is no effect.
+    pub(super) fn correction(&self, joint: usize, quantity: JointQuantity) -> Option<&Correction> {
+        let mut all = self.kinematics.corrections.iter();
+        all.find(|own| (own.joint, own.quantity) == (joint, quantity))
+    }
+
+    /// States what a witness measured of a quantity at a joint, rounded as identified values are; of springs and gaps it is combined with what others
+    /// measured.
     ///
     /// # Errors
     /// [`Impossible`] if it is not finite or beyond an effect's bounds; then nothing changes.
@@ -187,35 +228,92 @@ impl Model {
         &mut self,
         joint: usize,
         quantity: JointQuantity,
+        by: Witness,
         value: f64,
         std: f64,
     ) -> Result<(), Impossible> {
         if let Some(effect) = quantity.effect() {
-            return self.set_measured(effect, joint, Witness::Poses, value, std);
+            return self.set_measured(effect, joint, by, value, std);
         }
-        let (value, std) = (super::rounded(value), Some(super::rounded(std)));
-        self.place_joint_quantity(joint, quantity, Estimate { value, std })
+        if quantity.is_bend() {
+            return self.set_measured_bend((joint, quantity), by, value, std);
+        }
+        self.place_joint_quantity(joint, quantity, rounded(value, std), [None; 3])
     }
 
-    /// [`set_joint_quantity`](Self::set_joint_quantity) of what is no effect, to the last digit.
+    /// [`set_joint_quantity`](Self::set_joint_quantity) of what is no effect, to the last digit, and what each witness measured of it.
     pub(super) fn place_joint_quantity(
         &mut self,
         joint: usize,
         quantity: JointQuantity,
         estimate: Estimate,
+        witnesses: [Option<Estimate>; 3],
     ) -> Result<(), Impossible> {
         possible::finite(quantity.key(), estimate.value)?;
         estimate.std.map(possible::deviation).transpose()?;
-        let all = &mut self.kinematics.corrections;
-        all.retain(|(j, q, _)| (*j, *q) != (joint, quantity));
-        all.push((joint, quantity, estimate));
-        all.sort_by_key(|(joint, quantity, _)| (*joint, *quantity));
+        self.place_correction(Correction {
+            joint,
+            quantity,
+            estimate,
+            witnesses,
+        });
         Ok(())
     }
 
-    /// Forgets what an earlier calibration found, but not the effects that motion logs estimate too.
+    /// Puts an entry in place of the one of the same quantity.
+    pub(super) fn place_correction(&mut self, correction: Correction) {
+        let place = |own: &Correction| (own.joint, own.quantity);
+        let all = &mut self.kinematics.corrections;
+        all.retain(|own| place(own) != place(&correction));
+        all.push(correction);
+        all.sort_by_key(place);
+    }
+
+    /// What damps a spring or bend of a joint, N m s/rad, if responses have measured it.
+    pub fn spring_damping(&self, joint: usize, spring: JointQuantity) -> Option<Estimate> {
+        let mut all = self.kinematics.dampers.iter();
+        let found = all.find(|(j, q, _)| (*j, *q) == (joint, spring));
+        found.map(|(_, _, estimate)| *estimate)
+    }
+
+    /// States what damps a spring or bend of a joint, N m s/rad, rounded as identified values are.
+    ///
+    /// # Errors
+    /// [`Impossible`] if it is negative or not finite; then nothing changes.
+    pub fn set_spring_damping(
+        &mut self,
+        joint: usize,
+        spring: JointQuantity,
+        value: f64,
+        std: f64,
+    ) -> Result<(), Impossible> {
+        self.place_spring_damping(joint, spring, rounded(value, std))
+    }
+
+    /// [`set_spring_damping`](Self::set_spring_damping) to the last digit.
+    pub(super) fn place_spring_damping(
+        &mut self,
+        joint: usize,
+        spring: JointQuantity,
+        estimate: Estimate,
+    ) -> Result<(), Impossible> {
+        let symbol = spring.damping_key().unwrap_or("d");
+        possible::not_negative(symbol, estimate.value)?;
+        estimate.std.map(possible::deviation).transpose()?;
+        let all = &mut self.kinematics.dampers;
+        all.retain(|(j, q, _)| (*j, *q) != (joint, spring));
+        all.push((joint, spring, estimate));
+        all.sort_by_key(|(joint, spring, _)| (*joint, *spring));
+        Ok(())
+    }
+
+    /// Forgets what an earlier calibration found, but not what others than poses measure too.
     pub fn clear_kinematics(&mut self) {
-        self.kinematics = Kinematics::default();
+        let own = std::mem::take(&mut self.kinematics);
+        self.kinematics.dampers = own.dampers;
+        for correction in own.corrections {
+            self.keep_others(correction, Witness::Poses);
+        }
     }
 
     /// The correction of a joint's frame, in the frame itself: its placement is the description's times this. None where there is none.
@@ -229,5 +327,13 @@ impl Model {
             rotation: *Rotation3::new(vector(turn)).matrix(),
             translation: vector(shift),
         })
+    }
+}
+
+/// A value and its standard deviation to the digits of identified values.
+pub(super) fn rounded(value: f64, std: f64) -> Estimate {
+    Estimate {
+        value: super::rounded(value),
+        std: Some(super::rounded(std)),
     }
 }

@@ -71,6 +71,7 @@
 //!
 //! [kinematics.A2]                 # corrections of the joint's frame, in the frame itself, and of what moves it
 //! dx = { value = 0.0004, std = 0.0001 }   # dy, dz (m), rx, ry, rz (rad), ratio, coupling, sin, cos, bend_1, bend_2
+//! d = { value = 4.1, std = 0.1 }  # what damps the joint's spring, N m s/rad; bend_1_d, bend_2_d of links that bend
 //!
 //! [[effect]]                      # a torque of your own ([`formula`](crate::formula))
 //! name = "cable"
@@ -97,6 +98,7 @@
 //! Files beside:
 //!
 //! - `asked`: effects as users ask for them, a formula among them
+//! - `bends`: the same robot with joints that no motor drives, where links bend
 //! - `conventions`: how a robot's logs speak of its joints, where their columns do not say so themselves
 //! - `error`: why a model file, or a robot's description, is refused
 //! - `kinematics`: what calibration knows: the measuring system, the targets, corrections of joint frames
@@ -110,6 +112,7 @@
 //! - `witness`: one number by poses, by frequency responses and by motion: combined, or contradicting each other
 
 mod asked;
+mod bends;
 mod conventions;
 mod effects;
 mod error;
@@ -138,8 +141,10 @@ use proprio_core::spatial::Transform;
 pub use crate::name::UnknownName;
 use crate::parameter;
 pub use asked::{AskedError, asked_texts};
+pub(crate) use bends::across;
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
+pub(crate) use kinematics::LINK_ELASTICITY;
 pub use kinematics::{Fixture, JointQuantity, Kinematics, Tool};
 pub use legged::{Foot, ImuMount};
 pub use limb::ModelParameter;

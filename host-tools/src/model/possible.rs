@@ -57,6 +57,19 @@ pub(super) fn finite(symbol: &'static str, value: f64) -> Result<f64, Impossible
     })
 }
 
+/// A number that dissipates or is nothing.
+pub(super) fn not_negative(symbol: &'static str, value: f64) -> Result<f64, Impossible> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(value);
+    }
+    Err(Impossible::Bounds {
+        symbol,
+        value,
+        lower: 0.0,
+        upper: f64::INFINITY,
+    })
+}
+
 /// A standard deviation of an estimate, which may be zero.
 pub(super) fn deviation(std: f64) -> Result<f64, Impossible> {
     if std.is_finite() && std >= 0.0 {

@@ -7,8 +7,9 @@
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
-use super::{Estimate, Impossible, Model, ModelEffect};
-use crate::parameter::of_effect;
+use super::kinematics::{Correction, LINK_ELASTICITY, rounded};
+use super::{Estimate, Impossible, JointQuantity, Model, ModelEffect, possible};
+use crate::parameter::{name_at, of_effect};
 
 /// Chi² of one and of two degrees of freedom that one set in a thousand exceeds by chance: beyond it witnesses contradict each other.
 const CONTRADICTS: [f64; 2] = [10.83, 13.82];
@@ -109,15 +110,60 @@ fn agree(of: &[Measured], chi_squared: f64) -> bool {
     limit.is_none_or(|limit| chi_squared <= *limit)
 }
 
+/// What each witness measured of a number; one that the file states alone is of `usual`.
+fn by_witness(
+    witnesses: [Option<Estimate>; 3],
+    stated: Option<Estimate>,
+    usual: Witness,
+) -> Vec<Measured> {
+    let slots = Witness::ALL.iter().zip(witnesses);
+    let mut all: Vec<Measured> = slots.filter_map(|(by, own)| known(*by, own?)).collect();
+    if all.is_empty() {
+        all.extend(stated.and_then(|own| known(usual, own)));
+    }
+    all
+}
+
+/// The entries of a file for what each witness measured.
+fn slots(of: &[Measured]) -> [Option<Estimate>; 3] {
+    Witness::ALL.map(|by| {
+        let own = of.iter().find(|m| m.by == by)?;
+        Some(Estimate {
+            value: own.value,
+            std: Some(own.std),
+        })
+    })
+}
+
+/// The combination of several numbers that agree.
+fn agreed(of: &[Measured]) -> Option<(f64, f64)> {
+    let (mean, std, chi_squared) = combined(of);
+    (of.len() > 1 && agree(of, chi_squared)).then_some((mean, std))
+}
+
+/// What the others than `by` say together, if there are any and they agree.
+fn others(mut all: Vec<Measured>, by: Witness) -> Option<Measured> {
+    all.retain(|m| m.by != by);
+    let first = *all.first()?;
+    let (value, std, chi_squared) = combined(&all);
+    agree(&all, chi_squared).then_some(Measured {
+        value,
+        std,
+        ..first
+    })
+}
+
 impl ModelEffect {
     /// What witnesses measured of the first parameter; one that the file states alone is of [`Witness::Motion`].
     fn measured(&self) -> Vec<Measured> {
-        let slots = Witness::ALL.iter().zip(self.witnesses);
-        let mut all: Vec<Measured> = slots.filter_map(|(by, own)| known(*by, own?)).collect();
-        if all.is_empty() {
-            all.extend(self.estimate().and_then(|own| known(Witness::Motion, own)));
-        }
-        all
+        by_witness(self.witnesses, self.estimate(), Witness::Motion)
+    }
+}
+
+impl Correction {
+    /// What witnesses measured of it; what the file states alone is of [`Witness::Poses`].
+    fn measured(&self) -> Vec<Measured> {
+        by_witness(self.witnesses, Some(self.estimate), Witness::Poses)
     }
 }
 
@@ -128,17 +174,18 @@ fn known(by: Witness, Estimate { value, std }: Estimate) -> Option<Measured> {
 }
 
 impl Model {
-    /// What the other witnesses say together of an effect's first parameter, if there are any and they agree.
-    pub(crate) fn others(&self, effect: EffectKind, joint: usize, by: Witness) -> Option<Measured> {
-        let mut others = self.effect(effect, joint)?.measured();
-        others.retain(|m| m.by != by);
-        let first = *others.first()?;
-        let (value, std, chi_squared) = combined(&others);
-        agree(&others, chi_squared).then_some(Measured {
-            value,
-            std,
-            ..first
-        })
+    /// What the other witnesses say together of a spring, a bend or a gap, if there are any and they agree.
+    pub(crate) fn others(
+        &self,
+        joint: usize,
+        quantity: JointQuantity,
+        by: Witness,
+    ) -> Option<Measured> {
+        let all = match quantity.effect() {
+            Some(effect) => self.effect(effect, joint)?.measured(),
+            None => self.correction(joint, quantity)?.measured(),
+        };
+        others(all, by)
     }
 
     /// Takes in what a witness measured of an effect's first parameter, in place of what it measured before: combined with what the others say,
@@ -164,23 +211,53 @@ impl Model {
         }
         let own = self.effect(effect, joint).and_then(ModelEffect::estimate);
         all.extend(own.and_then(|own| known(by, own)));
-        for (slot, by) in self
-            .entry(effect, joint)
-            .witnesses
-            .iter_mut()
-            .zip(Witness::ALL)
-        {
-            let own = all.iter().find(|m| m.by == by);
-            *slot = own.map(|m| Estimate {
-                value: m.value,
-                std: Some(m.std),
-            });
-        }
-        let (mean, spread, chi_squared) = combined(&all);
-        if all.len() > 1 && agree(&all, chi_squared) {
+        self.entry(effect, joint).witnesses = slots(&all);
+        if let Some((mean, spread)) = agreed(&all) {
             self.set_effect(effect, joint, mean, Some(spread))?;
         }
         Ok(())
+    }
+
+    /// The same of a bend.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the value is not finite; then nothing changes.
+    pub(super) fn set_measured_bend(
+        &mut self,
+        (joint, quantity): (usize, JointQuantity),
+        by: Witness,
+        value: f64,
+        std: f64,
+    ) -> Result<(), Impossible> {
+        possible::finite(quantity.key(), value)?;
+        possible::deviation(std)?;
+        let before = self.correction(joint, quantity);
+        let mut all = before.map_or_else(Vec::new, Correction::measured);
+        all.retain(|m| m.by != by);
+        let is_alone = all.is_empty() && by == Witness::Poses;
+        let own = rounded(value, std);
+        all.extend(known(by, own));
+        let estimate = agreed(&all).map_or(own, |(mean, std)| rounded(mean, std));
+        self.place_correction(Correction {
+            joint,
+            quantity,
+            estimate,
+            witnesses: if is_alone { [None; 3] } else { slots(&all) },
+        });
+        Ok(())
+    }
+
+    /// Puts a correction back without what one witness measured, if anything is left of it.
+    pub(super) fn keep_others(&mut self, correction: Correction, by: Witness) {
+        let all = correction.measured();
+        if let Some(rest) = others(all.clone(), by) {
+            let left: Vec<Measured> = all.into_iter().filter(|m| m.by != by).collect();
+            self.place_correction(Correction {
+                estimate: rounded(rest.value, rest.std),
+                witnesses: slots(&left),
+                ..correction
+            });
+        }
     }
 
     /// Takes the values that effects have as measured by motion, where other witnesses have measured them too; whether there are any.
@@ -204,13 +281,11 @@ impl Model {
 
     /// Every number that more than one witness measured.
     pub fn witnessed(&self) -> Vec<Witnessed> {
-        let of = |e: &ModelEffect| {
-            let measured = e.measured();
-            let own = e.estimate().filter(|_| measured.len() > 1)?;
+        let of = |measured: Vec<Measured>, own: Estimate, name: String, unit| {
             let (.., chi_squared) = combined(&measured);
-            Some(Witnessed {
-                name: of_effect(e.effect, 0, self.joint_name(e.joint)),
-                unit: self.unit(e.effect, e.joint, 0),
+            (measured.len() > 1).then(|| Witnessed {
+                name,
+                unit,
                 agree: agree(&measured, chi_squared),
                 chi_squared,
                 measured,
@@ -218,7 +293,22 @@ impl Model {
                 std: own.std,
             })
         };
-        self.effects().iter().filter_map(of).collect()
+        let effects = self.effects().iter().filter_map(|e| {
+            let name = of_effect(e.effect, 0, self.joint_name(e.joint));
+            let unit = self.unit(e.effect, e.joint, 0);
+            of(e.measured(), e.estimate()?, name, unit)
+        });
+        let bends = self.kinematics().corrections.iter().filter_map(|own| {
+            let name = self.bend_parameter((own.joint, own.quantity));
+            of(own.measured(), own.estimate, name, own.quantity.unit(false))
+        });
+        effects.chain(bends).collect()
+    }
+
+    /// What a bend is called among parameters: `bend_1:link_elasticity:elbow`.
+    pub(crate) fn bend_parameter(&self, (joint, quantity): (usize, JointQuantity)) -> String {
+        let effect = name_at(LINK_ELASTICITY, self.joint_name(joint));
+        name_at(quantity.key(), &effect)
     }
 
     /// What [`witnessed`](Self::witnessed) numbers contradict each other, in words.
@@ -292,9 +382,40 @@ mod tests {
             assert!(words[0].contains(part), "{part}: {}", words[0]);
         }
         assert_eq!(
-            model.others(SPRING, 2, Witness::Poses).unwrap().value,
+            model
+                .others(2, JointQuantity::Elasticity, Witness::Poses)
+                .unwrap()
+                .value,
             2.0e-3
         );
+    }
+
+    /// Bends follow the same rule; a new calibration forgets what poses measured, not what responses did.
+    #[test]
+    fn a_bend_by_poses_and_responses_is_combined_and_outlives_a_calibration() {
+        let mut model = Model::default();
+        let place = (2, JointQuantity::BendSecond);
+        let set = |model: &mut Model, by, value| {
+            model
+                .set_joint_quantity(place.0, place.1, by, value, 1e-6)
+                .unwrap();
+        };
+        let has = |model: &Model| model.joint_quantity(place.0, place.1).map(|e| e.value);
+        set(&mut model, Witness::Poses, 1.0e-5);
+        assert_eq!(
+            model.correction(place.0, place.1).unwrap().witnesses,
+            [None; 3]
+        );
+        set(&mut model, Witness::Responses, 1.1e-5);
+        assert!((has(&model).unwrap() - 1.05e-5).abs() < 1e-12);
+        let all = model.witnessed();
+        assert_eq!(all[0].name, "bend_2:link_elasticity:FR_calf");
+        assert!(all[0].agree && all[0].measured.len() == 2);
+        model.clear_kinematics();
+        assert_eq!(has(&model), Some(1.1e-5));
+        set(&mut model, Witness::Poses, 3.0e-5);
+        assert_eq!(has(&model), Some(3.0e-5));
+        assert_eq!(model.contradictions().count(), 1);
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub(crate) const MAX_JOINTS: usize = 16;
 /// of four standard deviations takes 16.
 const MOST_SAMPLES: usize = 52_000;
 /// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
-const PIECE_US: u64 = 2_000_000;
+pub(crate) const PIECE_US: u64 = 2_000_000;
 
 /// Logs of one robot.
 #[derive(Debug, Clone)]

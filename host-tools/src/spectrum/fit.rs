@@ -53,19 +53,23 @@ pub(super) struct Fit {
     pub(super) lacking: f64,
     /// Mean square of the residuals in units of the measured scatter alone.
     pub(super) chi_squared: f64,
-    /// Held-out error of each element that is used: log magnitude.
-    pub(super) held_out: Vec<f64>,
+    /// Held-out error of each element that is used, by what was left out at once.
+    pub(super) held_out: Vec<Vec<HeldOut>>,
 }
 
-/// Weighted rows of one group of data: derivatives, and residual as the last column.
-pub(super) struct Group {
-    rows: DMatrix<f64>,
+/// An element's error by a fit that has not used it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HeldOut {
+    /// Of the log magnitude.
+    pub(super) magnitude: f64,
+    /// Of magnitude and phase, squared, in units of the scatter.
+    pub(super) square: f64,
 }
 
 /// A fit on its way.
-struct State {
-    x: Vec<f64>,
-    cost: f64,
+pub(super) struct State {
+    pub(super) x: Vec<f64>,
+    pub(super) cost: f64,
 }
 
 impl Problem<'_> {
@@ -166,42 +170,49 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The groups of data that are left out in turn: blocks of points, or where there is one alone stretches of lines.
-    fn leave_out(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<(usize, Group)>> {
+    /// The triangles of what is left out in turn, each with its point: blocks of points, or where there is one alone stretches of lines.
+    fn leave_out(
+        &self,
+        layout: &Layout,
+        x: &[f64],
+        lacking: f64,
+    ) -> Option<Vec<(usize, DMatrix<f64>)>> {
         let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
-        let mut all = Vec::new();
-        for point in 0..self.points.len() {
+        let of_point = |point: usize| {
             let model = self.model(point, layout, x)?;
-            if blocks > 2 {
-                for block in 0..self.points[point].blocks.len() {
-                    let rows = self.rows(point, Some(block), 0..self.used, &model, lacking);
-                    all.push((point, Group { rows }));
-                }
+            let rows = |block, lines| triangle(self.rows(point, block, lines, &model, lacking));
+            let all: Vec<(usize, DMatrix<f64>)> = if blocks > 2 {
+                let blocks = 0..self.points[point].blocks.len();
+                let of = |block| (point, rows(Some(block), 0..self.used));
+                blocks.map(of).collect()
             } else {
-                for k in 0..TENTHS {
-                    let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
-                    let rows = self.rows(point, None, lines, &model, lacking);
-                    all.push((point, Group { rows }));
-                }
-            }
-        }
-        Some(all)
+                let lines = |k: usize| k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
+                (0..TENTHS).map(|k| (point, rows(None, lines(k)))).collect()
+            };
+            Some(all)
+        };
+        let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
+            .into_iter()
+            .collect();
+        Some(all?.concat())
     }
 
     /// Triangles of a tenth of the lines each, at all points together.
     fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
-        let points = 0..self.points.len();
-        let models: Option<Vec<_>> = points.map(|p| self.model(p, layout, x)).collect();
-        let models = models?;
-        let empty = DMatrix::zeros(0, layout.unknowns.len() + 1);
-        let tenth = |k: usize| {
-            let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
-            let of = |(p, model): (usize, &Vec<Derived>)| {
-                triangle(self.rows(p, None, lines.clone(), model, lacking))
+        let of_point = |p: usize| {
+            let model = self.model(p, layout, x)?;
+            let tenth = |k: usize| {
+                let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
+                triangle(self.rows(p, None, lines, &model, lacking))
             };
-            let parts: Vec<DMatrix<f64>> = models.iter().enumerate().map(of).collect();
-            stacked(parts.iter(), &empty)
+            Some((0..TENTHS).map(tenth).collect::<Vec<_>>())
         };
+        let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
+            .into_iter()
+            .collect();
+        let all = all?;
+        let empty = DMatrix::zeros(0, layout.unknowns.len() + 1);
+        let tenth = |k: usize| stacked(all.iter().map(|parts| &parts[k]), &empty);
         Some((0..TENTHS).map(tenth).collect())
     }
 
@@ -224,7 +235,7 @@ impl Problem<'_> {
     }
 
     /// Levenberg–Marquardt steps from x.
-    fn descend(&self, layout: &Layout, x: &[f64], lacking: f64, steps: usize) -> State {
+    pub(super) fn descend(&self, layout: &Layout, x: &[f64], lacking: f64, steps: usize) -> State {
         let mut state = State {
             x: x.to_vec(),
             cost: self.cost(layout, x, lacking),
@@ -262,24 +273,35 @@ impl Problem<'_> {
         state
     }
 
-    /// Fits, beginning at each of these and going on from the best; steps are bounded.
+    /// Fits, beginning at each of these and going on from the best.
     pub(super) fn fit(&self, layout: &Layout, starts: &[Vec<f64>]) -> Option<Fit> {
+        let (state, lacking) = self.settle(layout, starts, None)?;
+        self.judged(layout, state, lacking)
+    }
+
+    /// Where a fit ends that begins at each of these and goes on from the best, and what the model lacks there; steps are bounded. It begins with what
+    /// another fit of nearly the same found that it lacks, or where that is not known with [`FIRST_ERROR`].
+    pub(super) fn settle(
+        &self,
+        layout: &Layout,
+        starts: &[Vec<f64>],
+        lacking: Option<f64>,
+    ) -> Option<(State, f64)> {
         /// Steps from each start, and of the best one.
         const FIRST_STEPS: usize = 6;
         const LAST_STEPS: usize = 25;
+        let first = lacking.unwrap_or(FIRST_ERROR);
         let best = (starts.iter())
-            .map(|x| self.descend(layout, x, FIRST_ERROR, FIRST_STEPS))
+            .map(|x| self.descend(layout, x, first, FIRST_STEPS))
             .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let (mut x, mut lacking) = (best.x, FIRST_ERROR);
-        for _ in 0..2 {
-            x = self.descend(layout, &x, lacking, LAST_STEPS).x;
-            lacking = self.lacking(layout, &x)?;
+        let (mut x, mut now) = (best.x, first);
+        let rounds = if lacking.is_some() { 1 } else { 2 };
+        for _ in 0..rounds {
+            x = self.descend(layout, &x, now, LAST_STEPS).x;
+            now = self.lacking(layout, &x)?;
         }
-        let state = self.descend(layout, &x, lacking, LAST_STEPS);
-        if !state.cost.is_finite() {
-            return None;
-        }
-        self.judged(layout, state, lacking)
+        let state = self.descend(layout, &x, now, LAST_STEPS);
+        state.cost.is_finite().then_some((state, now))
     }
 
     /// Adds to a fit's covariance how far these data, measured with something else assumed, would move it: one step.
@@ -315,15 +337,23 @@ impl Problem<'_> {
         Some((shown * shown - scatter * scatter).max(0.0).sqrt())
     }
 
+    /// Held-out errors of what was reached.
+    pub(super) fn unused(
+        &self,
+        layout: &Layout,
+        x: &[f64],
+        lacking: f64,
+    ) -> Option<Vec<Vec<HeldOut>>> {
+        let groups = self.leave_out(layout, x, lacking)?;
+        self.held_out(layout, x, &groups, &prior_rows(layout, x))
+    }
+
     /// Covariance and held-out errors of what was reached.
-    fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
+    pub(super) fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
         let n = layout.unknowns.len();
         let groups = self.leave_out(layout, &state.x, lacking)?;
         let prior = prior_rows(layout, &state.x);
-        let factors: Vec<DMatrix<f64>> = groups
-            .iter()
-            .map(|(_, g)| triangle(g.rows.clone()))
-            .collect();
+        let factors: Vec<DMatrix<f64>> = groups.iter().map(|(_, factor)| factor.clone()).collect();
         let whole = stacked(factors.iter(), &prior);
         let r_inverse = inverse(&whole.view((0, 0), (n, n)).into_owned());
         let posterior = &r_inverse * r_inverse.transpose();
@@ -339,7 +369,7 @@ impl Problem<'_> {
         spread = larger(spread, &jackknife(&tenths, &own, &prior));
         let moved = moved_by_priors(layout, &posterior, &prior);
         let covariance = spread + &moved * moved.transpose();
-        let held_out = self.held_out(layout, &state.x, &groups, &factors, &prior)?;
+        let held_out = self.held_out(layout, &state.x, &groups, &prior)?;
         let all = self.all_residuals(layout, &state.x)?;
         let square = |(e, std): &(Complex64, f64)| e.norm_sqr() / (2.0 * std * std).max(1e-12);
         let chi_squared = all.iter().map(square).sum::<f64>() / all.len().max(1) as f64;
@@ -373,7 +403,12 @@ impl Problem<'_> {
 impl Fit {
     /// Root mean square of the held-out log magnitude errors.
     pub(super) fn error(&self) -> f64 {
-        rms(&self.held_out)
+        magnitude(&self.held_out)
+    }
+
+    /// [`log_squares`] of its held-out errors.
+    pub(super) fn log_squares(&self) -> Vec<f64> {
+        log_squares(&self.held_out)
     }
 
     /// An unknown's value in SI units, and its standard deviation.
@@ -400,8 +435,23 @@ impl Fit {
     }
 }
 
+/// Logarithm of the mean square error in units of the scatter, by what was left out at once: a sharp resonance at one point does not outweigh all others.
+pub(super) fn log_squares(of: &[Vec<HeldOut>]) -> Vec<f64> {
+    let mean = |errors: &Vec<HeldOut>| {
+        let sum: f64 = errors.iter().map(|e| e.square).sum();
+        (sum / errors.len().max(1) as f64).max(1e-300).ln()
+    };
+    of.iter().map(mean).collect()
+}
+
+/// Root mean square of log magnitudes.
+pub(super) fn magnitude(of: &[Vec<HeldOut>]) -> f64 {
+    let all = of.iter().flatten();
+    rms(&all.map(|e| e.magnitude).collect::<Vec<f64>>())
+}
+
 /// One over the standard deviation of a component of an error.
-fn weight(std: f64, lacking: f64) -> f64 {
+pub(super) fn weight(std: f64, lacking: f64) -> f64 {
     1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
 }
 

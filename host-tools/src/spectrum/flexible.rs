@@ -9,7 +9,10 @@
 //! G(ω) = e^{−jωδ} Σ_a P(s_a) (1 − e^{−jωT})/(s_a T), s_a = j(ω + 2πa/T). P falls as 1/s², so that three terms suffice at low lines and
 //! seven everywhere; no matrix exponential is needed, and derivatives are those of P.
 //!
-//! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i.
+//! Links and bearings that bend are further coordinates of the links, without a motor: A has their rows too, with k_e + s d_e on its diagonal, and the
+//! A⁻¹ between the springs is that of A's joints (Moberg & Hanssen 2007, the extended flexible joint model).
+//!
+//! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i; to those of a bend w = S A⁻¹ e_b.
 
 use nalgebra::{DMatrix, DVector};
 use realfft::num_complex::Complex64;
@@ -24,6 +27,8 @@ const FEW_BELOW: f64 = 0.12;
 /// What a point's responses are computed with.
 #[derive(Debug, Clone)]
 pub(super) struct Plant {
+    /// How many joints have motors: the first coordinates. The others are bends.
+    pub(super) motors: usize,
     /// H at the point, kg m².
     pub(super) inertia: DMatrix<f64>,
     /// ∂g/∂q, N m/rad.
@@ -47,12 +52,14 @@ pub(super) struct At<'a> {
     inertia: DMatrix<f64>,
     /// Of each joint: k, d, F_v, J, F_l.
     joints: Vec<[f64; 5]>,
+    /// Of each bend: k, d.
+    bends: Vec<[f64; 2]>,
     delay: f64,
 }
 
 /// The matrices at one s.
 struct Blocks {
-    /// A⁻¹.
+    /// A⁻¹, of which the joints' columns are used.
     inverse: DMatrix<Complex64>,
     /// P.
     p: DMatrix<Complex64>,
@@ -87,7 +94,7 @@ fn add(to: &mut DMatrix<Complex64>, by: Complex64, other: &DMatrix<Complex64>) {
 impl<'a> At<'a> {
     /// The plant with these entries of a layout.
     pub(super) fn new(plant: &'a Plant, layout: &'a Layout, x: &'a [f64]) -> Self {
-        let n = plant.inertia.nrows();
+        let n = plant.motors;
         let value = |of: Unknown| layout.value(x, of);
         let mut inertia = plant.inertia.clone();
         for (m, slope) in plant.rigid.iter().enumerate() {
@@ -113,6 +120,9 @@ impl<'a> At<'a> {
             x,
             inertia,
             joints: (0..n).map(joint).collect(),
+            bends: (0..plant.inertia.nrows() - n)
+                .map(|e| [Unknown::BendStiffness(e), Unknown::BendDamping(e)].map(value))
+                .collect(),
             delay: value(Unknown::Delay),
         }
     }
@@ -129,6 +139,9 @@ impl<'a> At<'a> {
             });
         for (i, [.., link_viscous]) in self.joints.iter().enumerate() {
             a[(i, i)] += spring[i] + s * link_viscous;
+        }
+        for (e, [k, d]) in self.bends.iter().enumerate() {
+            a[(n + e, n + e)] += s * d + k;
         }
         let inverse = a.try_inverse()?;
         let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
@@ -192,7 +205,8 @@ impl<'a> At<'a> {
         let n = self.joints.len();
         let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
         // t = A⁻¹ S P: a torque's effect on the links.
-        let t = a * DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
+        let t = a.columns(0, n) * DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
+        let links = t.nrows();
         let one = Complex64::from(1.0);
         // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
         let rank_one = |to: &mut DMatrix<Complex64>, v: DVector<Complex64>, factor: Complex64| {
@@ -202,7 +216,7 @@ impl<'a> At<'a> {
         let bent = |i: usize| DVector::from_fn(n, |j, _| p[(j, i)] - t[(i, j)]);
         let column = |i: usize| p.column(i).into_owned();
         let row = |i: usize| t.row(i).transpose();
-        let mut bending = zeros(n);
+        let mut moved = DMatrix::zeros(links, n);
         for (index, unknown) in self.layout.unknowns.iter().enumerate() {
             let factor = by * self.layout.scale(self.x, index);
             let to = &mut slopes[index];
@@ -212,15 +226,17 @@ impl<'a> At<'a> {
                 Unknown::Viscous(i) => rank_one(to, column(i), factor * s),
                 Unknown::Armature(i) => rank_one(to, column(i), factor * s * s),
                 Unknown::LinkViscous(i) => rank_one(to, row(i), factor * s),
+                Unknown::BendStiffness(e) => rank_one(to, row(n + e), factor),
+                Unknown::BendDamping(e) => rank_one(to, row(n + e), factor * s),
                 Unknown::LinkInertia => rank_one(to, row(0), factor * s * s),
                 // Aliases hardly depend on the links: motors move alone there.
                 Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => {}
                 Unknown::Rigid(m) => {
                     let slope = &self.plant.rigid[m];
-                    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                        bending[(i, j)] = (0..n).map(|k| t[(k, j)] * slope[(i, k)]).sum();
+                    for (i, j) in (0..links).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                        moved[(i, j)] = (0..links).map(|k| t[(k, j)] * slope[(i, k)]).sum();
                     }
-                    to.gemm_tr(-factor * s * s, &t, &bending, one);
+                    to.gemm_tr(-factor * s * s, &t, &moved, one);
                 }
                 Unknown::Delay => {}
             }
@@ -233,7 +249,7 @@ impl<'a> At<'a> {
         let mut response = zeros(n);
         self.each_alias((omega, dt), |own, _, by| {
             let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
-            add(&mut response, by, &(&own.inverse * sp));
+            add(&mut response, by, &(own.inverse.view((0, 0), (n, n)) * sp));
         })?;
         Some(response)
     }
@@ -245,11 +261,12 @@ mod tests {
     use super::*;
 
     fn plant() -> Plant {
-        let m = |v: &[f64]| DMatrix::from_row_slice(2, 2, v);
+        let m = |v: &[f64]| DMatrix::from_row_slice(3, 3, v);
         Plant {
-            inertia: m(&[2.0, 0.5, 0.5, 0.7]),
-            gravity: m(&[3.0, 1.0, 1.0, 2.0]),
-            rigid: vec![m(&[0.3, 0.1, 0.1, 0.0])],
+            motors: 2,
+            inertia: m(&[2.0, 0.5, 0.4, 0.5, 0.7, -0.3, 0.4, -0.3, 1.1]),
+            gravity: m(&[3.0, 1.0, 0.5, 1.0, 2.0, 0.2, 0.5, 0.2, 4.0]),
+            rigid: vec![m(&[0.3, 0.1, 0.2, 0.1, 0.0, 0.05, 0.2, 0.05, 0.1])],
         }
     }
 
@@ -279,19 +296,58 @@ mod tests {
         }
     }
 
+    /// A bend that a joint's spring stands on in a row with it, and turns with nothing of its own, is that spring: 1/k + 1/k_e, as the same spring is
+    /// at another place.
+    #[test]
+    fn a_bend_along_a_joint_is_a_spring_in_series() {
+        let m = |n: usize, v: &[f64]| DMatrix::from_row_slice(n, n, v);
+        let plant = |n: usize, inertia: &[f64]| Plant {
+            motors: 1,
+            inertia: m(n, inertia),
+            gravity: DMatrix::zeros(n, n),
+            rigid: Vec::new(),
+        };
+        let values = |k: f64, bend: f64| {
+            let mut layout = Layout::default();
+            let all = [
+                (Unknown::Stiffness(0), k),
+                (Unknown::Armature(0), 0.4),
+                (Unknown::BendStiffness(0), bend),
+            ];
+            let x = all.map(|(unknown, value)| {
+                layout.push(unknown, None);
+                Layout::entry(unknown, value)
+            });
+            (layout, x)
+        };
+        // Both turn all of the link's inertia.
+        let (two, x) = values(900.0, 450.0);
+        let bent = plant(2, &[2.0, 2.0, 2.0, 2.0]);
+        let (one, y) = values(300.0, 0.0);
+        let stiff = plant(1, &[2.0]);
+        for omega in [5.0, 13.0, 60.0] {
+            let [a, b] = [
+                At::new(&bent, &two, &x).response(omega, 0.002),
+                At::new(&stiff, &one, &y).response(omega, 0.002),
+            ]
+            .map(|g| g.unwrap()[(0, 0)]);
+            assert!((a / b - 1.0).norm() < 1e-9, "{omega}: {a} {b}");
+        }
+    }
+
     /// A mass alone, held and sampled: the discrete double integrator T²(z + 1)/(2 J (z − 1)²).
     #[test]
     fn a_stiff_joint_is_the_sampled_double_integrator() {
         let (layout, mut x) = two_joints();
-        let rigid = DMatrix::identity(2, 2);
         let plant = Plant {
-            inertia: rigid.clone(),
-            gravity: DMatrix::zeros(2, 2),
-            rigid: vec![DMatrix::zeros(2, 2)],
+            motors: 2,
+            inertia: DMatrix::identity(3, 3),
+            gravity: DMatrix::zeros(3, 3),
+            rigid: vec![DMatrix::zeros(3, 3)],
         };
         for (n, unknown) in layout.unknowns.iter().enumerate() {
             x[n] = match unknown {
-                Unknown::Stiffness(_) => 1e9_f64.ln(),
+                Unknown::Stiffness(_) | Unknown::BendStiffness(_) => 1e9_f64.ln(),
                 Unknown::Armature(_) => 0.5_f64.ln(),
                 Unknown::Delay | Unknown::Rigid(_) => 0.0,
                 _ => -40.0,

@@ -71,7 +71,7 @@ impl Foreseen {
             path: std::slice::from_ref(q),
         });
         let motors: Vec<Motors<'_>> = motors.collect();
-        let links = Links::new(model, joints, &motors)?;
+        let links = Links::new(model, joints, &[], &motors)?;
         let elasticity = known_at(model, "elasticity", joints);
         let stated = |c: &Option<(f64, f64)>| c.map(|(c, _)| c).filter(|c| *c > 0.0);
         let compliance: Vec<f64> = elasticity

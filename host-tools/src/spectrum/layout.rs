@@ -15,6 +15,10 @@ pub(super) enum Unknown {
     LinkViscous(usize),
     /// Inertia of the only link, kg m²: where no model says it.
     LinkInertia,
+    /// k_e of a bend, N m/rad.
+    BendStiffness(usize),
+    /// d_e of a bend, N m s/rad.
+    BendDamping(usize),
     /// A direction of the rigid bodies' parameters, in its prior's standard deviations.
     Rigid(usize),
     /// Delay of the measurement against the torque, s.
@@ -68,6 +72,24 @@ impl Layout {
         self.doubts.push(doubt);
     }
 
+    /// The same with some unknowns held at their entries; and the entries that stay.
+    pub(super) fn holding(&self, x: &[f64], held: impl Fn(Unknown) -> bool) -> (Self, Vec<f64>) {
+        let mut own = Self {
+            fixed: self.fixed.clone(),
+            ..Self::default()
+        };
+        let mut kept = Vec::new();
+        for (n, &unknown) in self.unknowns.iter().enumerate() {
+            if held(unknown) {
+                own.fixed.push((unknown, self.value(x, unknown)));
+            } else {
+                own.push_doubted(unknown, self.priors[n], self.doubts[n]);
+                kept.push(x[n]);
+            }
+        }
+        (own, kept)
+    }
+
     /// Its value in SI units: estimated, fixed or 0.
     pub(super) fn value(&self, x: &[f64], of: Unknown) -> f64 {
         let Some(index) = self.index(of) else {
@@ -104,7 +126,7 @@ impl Layout {
 pub(super) mod tests {
     use super::*;
 
-    /// All kinds of unknowns of two joints, with values.
+    /// All kinds of unknowns of two joints and a bend, with values.
     pub(in super::super) fn two_joints() -> (Layout, Vec<f64>) {
         let values = [
             (Unknown::Stiffness(0), 4e3),
@@ -117,6 +139,8 @@ pub(super) mod tests {
             (Unknown::Armature(1), 0.3),
             (Unknown::LinkViscous(0), 0.4),
             (Unknown::LinkViscous(1), 0.2),
+            (Unknown::BendStiffness(0), 3e3),
+            (Unknown::BendDamping(0), 2.0),
             (Unknown::Rigid(0), 0.5),
             (Unknown::Delay, 0.7e-3),
         ];

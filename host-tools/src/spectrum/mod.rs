@@ -1,14 +1,15 @@
 //! Spectrum: what periodic excitation says of springs and dampers between motors and links.
 //!
 //! [`frf`] is `diagnose` for frequency responses: from the motor side alone, in closed loop, at one point or several. Nonparametric responses
-//! come first, with their scatter; then the flexible joint model, linearised about each point, is fitted to their logarithms. Values go into
-//! the model file as `elasticity`, where motion logs and poses put theirs.
+//! come first, with their scatter; then the flexible joint model, linearised about each point, is fitted to their logarithms; links that bend extend
+//! it. Values go into the model file as `elasticity` and `link_elasticity`, where motion logs and poses put theirs.
 //!
 //! Terms: a *line* is a multiple of the inverse period; a *point* is where the robot stands; an *experiment* is some periods of one excitation;
 //! a *block* has as many experiments as joints.
 //!
 //! Files beside:
 //!
+//! - `bends`: which links or bearings bend, by what is held out
 //! - `csv`: responses as a table
 //! - `elastic`: whether logs are of an elastic robot beyond its antiresonances
 //! - `error`: why logs are refused
@@ -29,6 +30,7 @@
 //! - `start`: where a fit begins
 //! - `text`: the first screen
 
+mod bends;
 mod csv;
 mod elastic;
 mod error;
@@ -54,4 +56,6 @@ pub use error::FrfError;
 pub(crate) use experiments::{HIGHEST, LEAST_LINES};
 pub(crate) use foreseen::{ExpectedSpring, Foreseen};
 pub(crate) use record::even;
-pub use result::{Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf};
+pub use result::{
+    BendCandidate, Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf,
+};

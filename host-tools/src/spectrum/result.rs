@@ -11,9 +11,10 @@ use super::flexible::At;
 use super::layout::Unknown;
 use super::record::{Record, TorqueUnit};
 use super::response::{self, Point};
-use super::springs::{self, FRICTION_DOUBT, bench, mode, with_model};
+use super::rigid::Bend;
+use super::springs::{self, FRICTION_DOUBT, Fitted, bench, mode, with_model};
 use crate::catalogue;
-use crate::model::{Model, Witness, Witnessed};
+use crate::model::{JointQuantity, LINK_ELASTICITY, Model, Witness, Witnessed};
 use crate::robust::median;
 use crate::summary::ErrorRange;
 
@@ -37,6 +38,36 @@ pub struct FrfValue {
     pub std: f64,
     /// `identified` or `prior`.
     pub status: &'static str,
+}
+
+/// A bend of a link or bearing that was judged.
+#[derive(Debug, Clone, Serialize)]
+pub struct BendCandidate {
+    /// `link_elasticity`.
+    pub effect: &'static str,
+    /// The joint in front of which it bends.
+    pub joint: String,
+    /// `bend_1` or `bend_2`: about which axis across the joint's.
+    pub axis: &'static str,
+    /// Held-out error with it, log magnitude.
+    pub error: f64,
+    /// Mean gain over points in its standard errors.
+    pub z: f64,
+    /// Whether the fit has it.
+    pub taken: bool,
+}
+
+impl FrfValue {
+    fn new(name: String, unit: String, value: f64, std: f64) -> Self {
+        let is_known = value.abs() > IDENTIFIED * std;
+        Self {
+            name,
+            unit,
+            value,
+            std,
+            status: if is_known { "identified" } else { "prior" },
+        }
+    }
 }
 
 /// A number ± its standard deviation.
@@ -137,6 +168,10 @@ pub struct Frf {
     pub points: Vec<MeasuredPoint>,
     /// Estimates.
     pub parameters: Vec<FrfValue>,
+    /// With springs at the joints alone, the held-out error, log magnitude; null without a model.
+    pub springs_alone: Option<f64>,
+    /// Bends that were judged, the best first: those of the fit, then those of the last search.
+    pub candidates: Vec<BendCandidate>,
     /// What springs do to each joint.
     pub modes: Vec<Mode>,
     /// Links' own encoders.
@@ -160,6 +195,12 @@ pub struct Frf {
     curves: Vec<Curve>,
     #[serde(skip)]
     springs: Vec<(usize, Estimated)>,
+    /// Bends of the fit, and their stiffness.
+    #[serde(skip)]
+    bends: Vec<(Bend, Estimated)>,
+    /// What damps springs and bends: number of the robot's joint, spring, N m s/rad.
+    #[serde(skip)]
+    dampers: Vec<(Bend, Estimated)>,
     /// The logs.
     #[serde(skip)]
     pub(super) logs: Vec<PathBuf>,
@@ -225,6 +266,8 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         fitted_to: None,
         points: points.iter().map(measured_point).collect(),
         parameters: Vec::new(),
+        springs_alone: None,
+        candidates: Vec::new(),
         modes: Vec::new(),
         links: Vec::new(),
         lacking: None,
@@ -242,11 +285,14 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         frequencies: frequencies.clone(),
         curves: Vec::new(),
         springs: Vec::new(),
+        bends: Vec::new(),
+        dampers: Vec::new(),
         logs: logs.to_vec(),
         joints,
     };
-    if let Some((problem, rigid, fit)) = &fitted {
-        found.take(problem, *rigid, fit)?;
+    if let Some(own) = &fitted {
+        let (problem, fit) = (&own.problem, &own.fit);
+        found.take(own, model)?;
         found.curves = curves(&points, &frequencies, &found.joints, Some((problem, fit)));
         found.links = links(&points, &found.joints, problem, fit);
     } else {
@@ -306,7 +352,15 @@ fn measured_point(point: &Point) -> MeasuredPoint {
 
 impl Frf {
     /// Values and errors of a fit.
-    fn take(&mut self, problem: &Problem, rigid: f64, fit: &Fit) -> Result<(), FrfError> {
+    fn take(&mut self, own: &Fitted, model: Option<&Model>) -> Result<(), FrfError> {
+        let Fitted {
+            problem,
+            fit,
+            rigid,
+            ..
+        } = own;
+        let rigid = *rigid;
+        self.take_bends(own, model)?;
         let in_newtons = self.torque_unit == TorqueUnit::NewtonMetre.symbol();
         let unit = |of: &str| match of {
             "kg m²" if !in_newtons => format!("{} s²/rad", self.torque_unit),
@@ -345,17 +399,13 @@ impl Frf {
                 ),
                 Unknown::LinkInertia => (format!("link_inertia:{}", joint(0)), "kg m²", value, std),
                 Unknown::Delay => ("delay".to_owned(), "s", value, std),
+                // They have names by the model.
+                Unknown::BendStiffness(_) | Unknown::BendDamping(_) => continue,
                 // Directions of bodies have no name of their own.
                 Unknown::Rigid(_) => continue,
             };
-            let is_known = value.abs() > IDENTIFIED * std;
-            self.parameters.push(FrfValue {
-                name,
-                unit: unit(of),
-                value,
-                std,
-                status: if is_known { "identified" } else { "prior" },
-            });
+            self.parameters
+                .push(FrfValue::new(name, unit(of), value, std));
         }
         for (i, joint) in self.joints.iter().enumerate() {
             let of = |x: &[f64]| {
@@ -408,9 +458,55 @@ impl Frf {
         Ok(())
     }
 
+    /// Bends of a fit, and what damps it: what the model's joints name.
+    fn take_bends(&mut self, own: &Fitted, model: Option<&Model>) -> Result<(), FrfError> {
+        let Some(model) = model else { return Ok(()) };
+        self.springs_alone = Some(own.springs);
+        let fit = &own.fit;
+        for (i, joint) in self.joints.iter().enumerate() {
+            let place = (model.robot().joint(joint)?, JointQuantity::Elasticity);
+            if let Some((value, std)) = fit.estimate(Unknown::Damping(i)) {
+                self.dampers.push((place, Estimated { value, std }));
+            }
+        }
+        for (e, &bend) in own.bends.iter().enumerate() {
+            let name = model.bend_parameter(bend);
+            if let Some((k, std)) = fit.estimate(Unknown::BendStiffness(e)) {
+                self.bends.push((bend, Estimated { value: k, std }));
+                let unit = bend.1.unit(false).to_owned();
+                let value = FrfValue::new(name.clone(), unit, 1.0 / k, std / (k * k));
+                self.parameters.push(value);
+            }
+            if let (Some((value, std)), Some(key)) =
+                (fit.estimate(Unknown::BendDamping(e)), bend.1.damping_key())
+            {
+                self.dampers.push((bend, Estimated { value, std }));
+                let name = name.replacen(bend.1.key(), key, 1);
+                let unit = "N m s/rad".to_owned();
+                self.parameters.push(FrfValue::new(name, unit, value, std));
+            }
+        }
+        self.candidates = (own.candidates.iter())
+            .map(|judged| BendCandidate {
+                effect: LINK_ELASTICITY,
+                joint: model.joint_name(judged.bend.0).to_owned(),
+                axis: judged.bend.1.key(),
+                error: judged.error,
+                z: judged.z,
+                taken: judged.taken,
+            })
+            .collect();
+        Ok(())
+    }
+
     /// Held-out errors in natural logarithms of magnitude: of the rigid model, with springs, of the scatter alone.
     pub fn error(&self) -> ErrorRange {
         self.error
+    }
+
+    /// Whether the fit has links that bend.
+    pub(super) fn has_bends(&self) -> bool {
+        !self.bends.is_empty()
     }
 
     /// Responses for a page.
@@ -424,7 +520,8 @@ impl Frf {
         own.filter(|(_, k)| k.value > IDENTIFIED * k.std)
     }
 
-    /// The model with the springs that were identified: 1/k of `elasticity` at each joint, combined with what other witnesses say.
+    /// The model with the springs that were identified: 1/k of `elasticity` at each joint and of each bend, combined with what other witnesses say, and
+    /// what damps them.
     ///
     /// # Errors
     /// If the file cannot hold a value.
@@ -437,6 +534,14 @@ impl Frf {
             let joint = own.robot().joint(&self.joints[i])?;
             let std = k.std / (k.value * k.value);
             own.set_measured(elasticity, joint, Witness::Responses, 1.0 / k.value, std)?;
+        }
+        let is_identified = |of: &Estimated| of.value > IDENTIFIED * of.std;
+        for &((joint, bend), k) in self.bends.iter().filter(|(_, k)| is_identified(k)) {
+            let std = k.std / (k.value * k.value);
+            own.set_joint_quantity(joint, bend, Witness::Responses, 1.0 / k.value, std)?;
+        }
+        for &((joint, spring), d) in self.dampers.iter().filter(|(_, d)| is_identified(d)) {
+            own.set_spring_damping(joint, spring, d.value, d.std)?;
         }
         Ok(own)
     }

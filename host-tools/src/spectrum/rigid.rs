@@ -1,4 +1,5 @@
-//! What the model says of the links at each point: inertia matrix, stiffness of gravity, and how far its bodies may be off.
+//! What the model says of the links at each point: inertia matrix, stiffness of gravity, and how far its bodies may be off; of links that bend with
+//! their bends as further coordinates.
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
@@ -6,7 +7,7 @@ use proprio_core::inertia::INERTIAL;
 use super::error::FrfError;
 use super::flexible::Plant;
 use crate::dynamics::Dynamics;
-use crate::model::Model;
+use crate::model::{JointQuantity, Model};
 
 /// Step of the differences of gravity's torque, rad or m.
 const STEP: f64 = 1e-5;
@@ -31,30 +32,41 @@ pub(super) fn doubt(value: f64, std: f64) -> f64 {
     (LEAST_DOUBT * value.abs() / std.max(1e-300)).max(1.0)
 }
 
+/// A bend of a model: the joint's number among the robot's, and which.
+pub(super) type Bend = (usize, JointQuantity);
+
 /// The links of some joints of a model.
 pub(super) struct Links {
     dynamics: Dynamics,
-    /// Of each joint its place among those of the dynamics.
+    /// Of each joint, then of each bend, its place among those of the dynamics.
     places: Vec<usize>,
-    /// Directions in which bodies may be off by their priors, columns over all parameters.
+    /// How many of them are joints with motors.
+    motors: usize,
+    /// Directions in which bodies may be off by their priors, columns over all parameters: those that are felt.
     directions: DMatrix<f64>,
+    /// Which of all directions those are.
+    felt: Vec<usize>,
     /// Of each direction by how much more than that it may be off.
     doubts: Vec<f64>,
 }
 
 impl Links {
-    /// The links behind `joints`, names of the model, as they are felt at these points.
+    /// The links behind `joints`, names of the model, as they are felt at these points, with these bends.
     ///
     /// # Errors
     /// If its dynamics cannot be computed or a joint is not part of it.
     pub(super) fn new(
         model: &Model,
         joints: &[String],
+        bends: &[Bend],
         points: &[Motors<'_>],
     ) -> Result<Self, FrfError> {
+        let names = bends.iter().map(|bend| model.bend_name(*bend));
+        let names: Vec<String> = joints.iter().cloned().chain(names).collect();
+        let model = &model.with_bends(bends);
         let dynamics = Dynamics::new(model, None)?;
         let mut places = Vec::new();
-        for joint in joints {
+        for joint in &names {
             let place = dynamics.joints().iter().position(|own| own == joint);
             places.push(place.ok_or_else(|| FrfError::NoDynamics {
                 joint: joint.clone(),
@@ -64,6 +76,8 @@ impl Links {
         let mut links = Self {
             dynamics,
             places,
+            motors: joints.len(),
+            felt: Vec::new(),
             directions,
             doubts,
         };
@@ -78,11 +92,12 @@ impl Links {
         let felt: Vec<usize> = (0..links.directions.ncols()).filter(is_felt).collect();
         links.directions = links.directions.select_columns(&felt);
         links.doubts = felt.iter().map(|&m| links.doubts[m]).collect();
+        links.felt = felt;
         Ok(links)
     }
 
     /// The plants at the links behind these motors: means over the path, which a slow motion around a point makes differ from those at its middle,
-    /// and those at the middle. Springs yield by `compliance`, rad/(N m), under gravity. The joints that are not recorded stand at 0.
+    /// and those at the middle. Springs and bends yield by `compliance`, rad/(N m), under gravity. The joints that are not recorded stand at 0.
     ///
     /// # Errors
     /// If the dynamics cannot be computed.
@@ -104,16 +119,27 @@ impl Links {
         Ok([means, middles])
     }
 
+    /// How many joints have motors.
+    pub(super) fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// The number that direction `m` of other links of the same bodies has here, if it is felt here.
+    pub(super) fn same_direction(&self, other: &Self, m: usize) -> Option<usize> {
+        self.felt.iter().position(|own| *own == other.felt[m])
+    }
+
     /// Of each rigid direction by how many of its standard deviations the bodies may be off.
     pub(super) fn doubts(&self) -> &[f64] {
         &self.doubts
     }
 
-    /// Where the links are that motors at `own` hold by springs of this compliance: q − c g(q) of the links themselves.
+    /// Where the links are that motors at `own` hold by springs of this compliance: q − c g(q) of the links themselves. Bends have no motor: q is 0.
     fn sagged(&self, own: &[f64], compliance: &[f64]) -> Result<Vec<f64>, FrfError> {
         let n = self.dynamics.joints().len();
         let still = vec![0.0; n];
-        let mut links = own.to_vec();
+        let own = |i: usize| own.get(i).copied().unwrap_or(0.0);
+        let mut links: Vec<f64> = (0..self.places.len()).map(own).collect();
         for _ in 0..SAG_ROUNDS {
             let (mut q, mut torque) = (still.clone(), still.clone());
             for (place, value) in self.places.iter().zip(&links) {
@@ -122,7 +148,7 @@ impl Links {
             self.dynamics
                 .inverse_dynamics([&q, &still, &still], &mut torque)?;
             for (i, &place) in self.places.iter().enumerate() {
-                links[i] = own[i] - compliance[i] * torque[place];
+                links[i] = own(i) - compliance[i] * torque[place];
             }
         }
         Ok(links)
@@ -181,6 +207,7 @@ impl Links {
             }),
             gravity: stiffness,
             rigid,
+            motors: self.motors,
         })
     }
 }

@@ -1,11 +1,13 @@
-//! Springs of a bench, from nothing, and of a model's joints.
+//! Springs of a bench, from nothing, and of a model's joints, with bends or without.
 
+use super::bends::{self, Judged};
 use super::error::FrfError;
 use super::fit::{Fit, Problem};
+use super::flexible::Plant;
 use super::friction::Drive;
-use super::layout::Unknown;
+use super::layout::{Layout, Unknown};
 use super::response::Point;
-use super::rigid::{Links, Motors};
+use super::rigid::{Bend, Links, Motors};
 use super::start::{self, Drives, Known};
 use crate::catalogue;
 use crate::model::Model;
@@ -44,8 +46,19 @@ fn known(model: Option<&Model>, effect: &str, joint: &str) -> Known {
     ))
 }
 
-/// What was fitted, the held-out error of the rigid model, and the fit.
-pub(super) type Fitted<'a> = (Problem<'a>, f64, Fit);
+/// What was fitted.
+pub(super) struct Fitted<'a> {
+    pub(super) problem: Problem<'a>,
+    pub(super) fit: Fit,
+    /// Held-out error of the rigid model.
+    pub(super) rigid: f64,
+    /// With springs at the joints alone; the same as the fit's where it has no bends.
+    pub(super) springs: f64,
+    /// Bends of the fit, in the order of its unknowns.
+    pub(super) bends: Vec<Bend>,
+    /// Bends that were judged.
+    pub(super) candidates: Vec<Judged>,
+}
 
 /// What the model knows of an effect at each joint.
 pub(super) fn known_at(model: &Model, effect: &str, joints: &[String]) -> Vec<Known> {
@@ -53,7 +66,185 @@ pub(super) fn known_at(model: &Model, effect: &str, joints: &[String]) -> Vec<Kn
     joints.iter().map(of).collect()
 }
 
-/// Springs of a model's joints; `doubted` are the points with less dry friction, which moves the estimates by what it may be wrong.
+/// A model's robot and its measurement: what all fits of it have in common.
+pub(super) struct Arm<'a, 'p> {
+    pub(super) model: &'a Model,
+    pub(super) joints: &'a [String],
+    pub(super) points: &'p [Point],
+    pub(super) omega: &'a [f64],
+    pub(super) dt: f64,
+}
+
+/// A fit of an arm with some bends, and what it was made with.
+pub(super) struct Found<'p> {
+    pub(super) bends: Vec<Bend>,
+    pub(super) links: Links,
+    pub(super) problem: Problem<'p>,
+    pub(super) fit: Fit,
+    /// The plants in the middle of the points, where those of the problem are means along the path.
+    middles: Vec<Plant>,
+}
+
+impl<'p> Arm<'_, 'p> {
+    pub(super) fn motors(&self) -> Vec<Motors<'p>> {
+        let of = |point: &'p Point| Motors {
+            middle: &point.q,
+            path: &point.path,
+        };
+        self.points.iter().map(of).collect()
+    }
+
+    /// The links with these bends.
+    pub(super) fn links(&self, bends: &[Bend]) -> Result<Links, FrfError> {
+        Links::new(self.model, self.joints, bends, &self.motors())
+    }
+
+    pub(super) fn problem(&self, plants: Vec<Plant>) -> Problem<'p> {
+        Problem {
+            points: self.points.iter().collect(),
+            plants,
+            omega: self.omega.to_vec(),
+            used: self.omega.len(),
+            dt: self.dt,
+        }
+    }
+
+    /// Unknowns, and where their fit begins, for links with these plants: by the responses' antiresonances.
+    fn layout(&self, links: &Links, plants: &[Plant]) -> (Layout, Vec<Vec<f64>>) {
+        let [armature, viscous] =
+            ["armature", "viscous"].map(|of| known_at(self.model, of, self.joints));
+        let drives = Drives {
+            armature: &armature,
+            viscous: &viscous,
+            doubts: links.doubts(),
+        };
+        let own: Vec<&Point> = self.points.iter().collect();
+        start::joints(&own, plants, self.omega, &drives)
+    }
+
+    /// Fits with springs that make the links sag, beginning with plants that do not.
+    fn fit(
+        &self,
+        bends: Vec<Bend>,
+        links: Links,
+        (layout, mut starts): (Layout, Vec<Vec<f64>>),
+        mut plants: Vec<Plant>,
+    ) -> Option<Found<'p>> {
+        let mut found = None;
+        let motors = self.motors();
+        let mut lacking = None;
+        for _ in 0..SAG_FITS {
+            let problem = self.problem(plants);
+            let (state, now) = problem.settle(&layout, &starts, lacking)?;
+            lacking = Some(now);
+            let of = |unknown: Unknown| 1.0 / layout.value(&state.x, unknown);
+            let joints = (0..self.joints.len()).map(Unknown::Stiffness);
+            let compliance: Vec<f64> = joints
+                .chain((0..bends.len()).map(Unknown::BendStiffness))
+                .map(of)
+                .collect();
+            let [means, middles] = links.plants(&motors, &compliance).ok()?;
+            plants = means;
+            starts = vec![state.x.clone()];
+            found = Some((problem, state, now, middles));
+        }
+        let (mut problem, state, lacking, middles) = found?;
+        // With the plants that it was fitted with: about another minimum all that is left out in turn would move it alike.
+        let fit = problem.judged(&layout, state, lacking);
+        let fit = fit.filter(|fit| fit.error().is_finite())?;
+        problem.plants = plants;
+        Some(Found {
+            bends,
+            links,
+            problem,
+            fit,
+            middles,
+        })
+    }
+
+    /// Springs at the joints alone, and the held-out error without them.
+    fn springs(&self) -> Result<(f64, Found<'p>), FrfError> {
+        let links = self.links(&[])?;
+        // Springs yield under gravity, so that the links are not where the motors are. How far is not known before there are springs.
+        let stiff = vec![0.0; self.joints.len()];
+        let [plants, _] = links.plants(&self.motors(), &stiff)?;
+        let (layout, starts) = self.layout(&links, &plants);
+        let (own, x) = start::rigid(&layout, &starts[0], &plants, self.omega);
+        let problem = self.problem(plants);
+        let rigid = problem.fit(&own, &[x]);
+        let rigid = rigid.map_or(f64::NAN, |fit| fit.error());
+        let found = self.fit(Vec::new(), links, (layout, starts), problem.plants);
+        let found = found.ok_or(FrfError::NoFit {
+            before: rigid,
+            after: f64::INFINITY,
+        })?;
+        Ok((rigid, found))
+    }
+
+    /// A fit with one bend more than another one's, beginning at that and these values of the bend: stiffness and damping. None where no fit is found.
+    pub(super) fn with_bend(
+        &self,
+        before: &Found,
+        bend: Bend,
+        spring: [f64; 2],
+    ) -> Result<Option<Found<'p>>, FrfError> {
+        let bends = [&before.bends[..], &[bend]].concat();
+        let links = self.links(&bends)?;
+        let [plants, _] = links.plants(&self.motors(), &before.compliance(bends.len()))?;
+        let (layout, x) = self.extended(before, &links, &[spring], &plants);
+        Ok(self.fit(bends, links, (layout, vec![x]), plants))
+    }
+
+    /// The layout of links with further bends, and an entry at another fit's values and these of the bends.
+    pub(super) fn extended(
+        &self,
+        before: &Found,
+        links: &Links,
+        more: &[[f64; 2]],
+        plants: &[Plant],
+    ) -> (Layout, Vec<f64>) {
+        let (mut layout, starts) = self.layout(links, plants);
+        let mut x = starts.into_iter().next().unwrap_or_default();
+        for (entry, unknown) in x.iter_mut().zip(&layout.unknowns) {
+            let own = match *unknown {
+                Unknown::Rigid(m) => before.links.same_direction(links, m).map(Unknown::Rigid),
+                other => Some(other),
+            };
+            let own = own.and_then(|own| before.fit.layout.index(own));
+            *entry = own.map_or(*entry, |index| before.fit.x[index]);
+        }
+        let known = before.bends.len();
+        let value = |of: Unknown| before.fit.layout.value(&before.fit.x, of);
+        for e in 0..known + more.len() {
+            let unknowns = [Unknown::BendStiffness(e), Unknown::BendDamping(e)];
+            let values = match e.checked_sub(known) {
+                Some(n) => more[n],
+                None => unknowns.map(value),
+            };
+            for (unknown, value) in unknowns.into_iter().zip(values) {
+                x.push(start::push(&mut layout, unknown, value, None, 1.0));
+            }
+        }
+        (layout, x)
+    }
+}
+
+impl Found<'_> {
+    /// How the joints' springs and the first bends yield, rad/(N m); further bends, up to so many in all, do not.
+    pub(super) fn compliance(&self, bends: usize) -> Vec<f64> {
+        let joints = (0..self.links.motors()).map(Unknown::Stiffness);
+        let all = joints.chain((0..bends).map(Unknown::BendStiffness));
+        let of = |unknown: Unknown| self.fit.layout.value(&self.fit.x, unknown);
+        all.map(|unknown| match of(unknown) {
+            k if k > 0.0 => 1.0 / k,
+            _ => 0.0,
+        })
+        .collect()
+    }
+}
+
+/// Springs of a model's joints, and bends that the model file has or that are missing; `doubted` are the points with less dry friction, which moves the
+/// estimates by what it may be wrong.
 pub(super) fn with_model<'a>(
     model: &Model,
     joints: &[String],
@@ -61,54 +252,23 @@ pub(super) fn with_model<'a>(
     omega: &[f64],
     dt: f64,
 ) -> Result<Fitted<'a>, FrfError> {
-    let motors = points.iter().map(|point| Motors {
-        middle: &point.q,
-        path: &point.path,
-    });
-    let motors: Vec<Motors<'_>> = motors.collect();
-    let links = Links::new(model, joints, &motors)?;
-    // Springs yield under gravity, so that the links are not where the motors are. How far is not known before there are springs.
-    let stiff = vec![0.0; joints.len()];
-    let [plants, _] = links.plants(&motors, &stiff)?;
-    let own: Vec<&Point> = points.iter().collect();
-    let [armature, viscous] = ["armature", "viscous"].map(|of| known_at(model, of, joints));
-    let drives = Drives {
-        armature: &armature,
-        viscous: &viscous,
-        doubts: links.doubts(),
-    };
-    let (layout, mut starts) = start::joints(&own, &plants, omega, &drives);
-    let mut problem = Problem {
-        points: own,
-        plants,
-        omega: omega.to_vec(),
-        used: omega.len(),
+    let arm = Arm {
+        model,
+        joints,
+        points,
+        omega,
         dt,
     };
-    let (stiff, x) = start::rigid(&layout, &starts[0], &problem.plants, omega);
-    let rigid = problem
-        .fit(&stiff, &[x])
-        .map_or(f64::NAN, |fit| fit.error());
-    let mut found = None;
-    let mut middles = Vec::new();
-    for _ in 0..SAG_FITS {
-        let fit = problem
-            .fit(&layout, &starts)
-            .filter(|fit| fit.error().is_finite());
-        let fit = fit.ok_or(FrfError::NoFit {
-            before: rigid,
-            after: f64::INFINITY,
-        })?;
-        let compliance = |i| 1.0 / fit.layout.value(&fit.x, Unknown::Stiffness(i));
-        let compliance: Vec<f64> = (0..joints.len()).map(compliance).collect();
-        [problem.plants, middles] = links.plants(&motors, &compliance)?;
-        starts = vec![fit.x.clone()];
-        found = Some(fit);
-    }
-    let mut fit = found.ok_or(FrfError::NoFit {
-        before: rigid,
-        after: f64::INFINITY,
-    })?;
+    let (rigid, found) = arm.springs()?;
+    let springs = found.fit.error();
+    let (found, candidates) = bends::search(&arm, found)?;
+    let Found {
+        bends,
+        mut fit,
+        problem,
+        middles,
+        ..
+    } = found;
     // Two things that no scatter shows: friction that differs from slow motion's, and matrices that change along the slow motion.
     let problem = Problem {
         points: doubted.iter().collect(),
@@ -124,8 +284,14 @@ pub(super) fn with_model<'a>(
         ..problem
     };
     problem.doubted(&mut fit);
-    let problem = Problem { plants, ..problem };
-    Ok((problem, rigid, fit))
+    Ok(Fitted {
+        problem: Problem { plants, ..problem },
+        fit,
+        rigid,
+        springs,
+        bends,
+        candidates,
+    })
 }
 
 /// Motor, spring and load of a bench, from nothing.
@@ -152,7 +318,14 @@ pub(super) fn bench<'a>(points: &'a [Point], omega: &[f64], dt: f64) -> Option<F
     let rigid = problem
         .fit(&stiff, &[x])
         .map_or(f64::NAN, |fit| fit.error());
-    Some((problem, rigid, fit))
+    Some(Fitted {
+        springs: fit.error(),
+        problem,
+        rigid,
+        fit,
+        bends: Vec::new(),
+        candidates: Vec::new(),
+    })
 }
 
 /// Antiresonance and resonance, rad/s, and the inertia ratio of a bench.

@@ -113,6 +113,7 @@ pub(super) fn bench(points: &[&Point], omega: &[f64]) -> (Layout, Vec<Vec<f64>>)
 /// The plant of a bench.
 pub(super) fn bench_plant() -> Plant {
     Plant {
+        motors: 1,
         inertia: DMatrix::from_element(1, 1, 1.0),
         gravity: DMatrix::zeros(1, 1),
         rigid: Vec::new(),
@@ -156,7 +157,7 @@ pub(super) fn joints(
     (layout, starts.into())
 }
 
-/// H of a link, mean over points.
+/// H of a link or bend, mean over points.
 pub(super) fn mean_inertia(plants: &[Plant], i: usize) -> f64 {
     plants.iter().map(|p| p.inertia[(i, i)]).sum::<f64>() / plants.len().max(1) as f64
 }
@@ -176,33 +177,44 @@ pub(super) fn around(
 ) -> (Layout, Vec<f64>) {
     let mut layout = Layout::default();
     let mut start = Vec::new();
-    let mut push = |unknown: Unknown, value: f64, prior: Option<f64>, doubt: f64| {
-        let entry = Layout::entry(unknown, value);
-        let std = prior.unwrap_or(if unknown.is_log() { DECADES } else { DELAY });
-        layout.push_doubted(unknown, Some((entry, std)), doubt);
-        start.push(entry);
+    let mut add = |unknown: Unknown, value: f64, prior: Option<f64>, doubt: f64| {
+        start.push(push(&mut layout, unknown, value, prior, doubt));
     };
     for (i, &[stiffness, damping]) in springs.iter().enumerate() {
         let inertia = mean_inertia(plants, i);
-        push(Unknown::Stiffness(i), stiffness, None, 1.0);
-        push(Unknown::Damping(i), damping, None, 1.0);
+        add(Unknown::Stiffness(i), stiffness, None, 1.0);
+        add(Unknown::Damping(i), damping, None, 1.0);
         // Viscous friction of slow motion need not hold here: it only says where to begin.
         let slow = 1e-2 * inertia * omega[0];
         let viscous = drives.viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow));
-        push(Unknown::Viscous(i), viscous, None, 1.0);
+        add(Unknown::Viscous(i), viscous, None, 1.0);
         match drives.armature[i] {
             Some((value, std)) if value > 0.0 => {
                 let std = (std / value).clamp(1e-3, DECADES);
-                push(Unknown::Armature(i), value, Some(std), doubt(1.0, std));
+                add(Unknown::Armature(i), value, Some(std), doubt(1.0, std));
             }
-            _ => push(Unknown::Armature(i), 0.3 * inertia, None, 1.0),
+            _ => add(Unknown::Armature(i), 0.3 * inertia, None, 1.0),
         }
     }
-    push(Unknown::Delay, 0.0, None, 1.0);
+    add(Unknown::Delay, 0.0, None, 1.0);
     for (m, doubt) in drives.doubts.iter().enumerate() {
-        push(Unknown::Rigid(m), 0.0, Some(1.0), *doubt);
+        add(Unknown::Rigid(m), 0.0, Some(1.0), *doubt);
     }
     (layout, start)
+}
+
+/// Adds an unknown about a value, within this standard deviation or, where none is known, within its kind's; its entry.
+pub(super) fn push(
+    layout: &mut Layout,
+    unknown: Unknown,
+    value: f64,
+    prior: Option<f64>,
+    doubt: f64,
+) -> f64 {
+    let entry = Layout::entry(unknown, value);
+    let std = prior.unwrap_or(if unknown.is_log() { DECADES } else { DELAY });
+    layout.push_doubted(unknown, Some((entry, std)), doubt);
+    entry
 }
 
 /// The same without springs: stiff ones, fixed.

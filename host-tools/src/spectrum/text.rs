@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
+use crate::model::{JointQuantity, LINK_ELASTICITY};
 use crate::robust::median;
 use crate::summary::{Summary, ValueLine, short, typed, value_lines};
 
@@ -25,10 +26,20 @@ impl Frf {
     pub fn summary(&self, model: Option<&Path>, applied: bool) -> Summary {
         let error = self.error();
         let headline = match (error.before, error.after) {
-            (Some(before), Some(after)) => format!(
-                "Springs: held-out error {before:.3} → {after:.3} log magnitude (floor {:.3})",
-                error.floor.unwrap_or(f64::NAN)
-            ),
+            (Some(before), Some(after)) => {
+                let steps = match self.springs_alone.filter(|_| self.has_bends()) {
+                    Some(springs) => format!("{before:.3} → {springs:.3} → {after:.3}"),
+                    None => format!("{before:.3} → {after:.3}"),
+                };
+                let what = match self.has_bends() {
+                    true => "Springs, bending links",
+                    false => "Springs",
+                };
+                format!(
+                    "{what}: held-out error {steps} log magnitude (floor {:.3})",
+                    error.floor.unwrap_or(f64::NAN)
+                )
+            }
             _ => format!(
                 "Frequency responses of {} at {}",
                 self.joints.join(", "),
@@ -50,6 +61,7 @@ impl Frf {
                     .join("; "),
             );
         }
+        points.extend(self.bends_in_words());
         points.push(self.measurement_in_words());
         points.extend(self.links.iter().map(link_in_words));
         points.truncate(3);
@@ -77,6 +89,11 @@ impl Frf {
     fn spring_in_words(&self, compliance: &FrfValue) -> String {
         let joint = compliance.name.rsplit(':').next().unwrap_or_default();
         let damping = format!("d:elasticity:{joint}");
+        format!("{joint} {}", self.stiffness_in_words(compliance, &damping))
+    }
+
+    /// `k 4012 ± 15, d 3.91 ± 0.04` of a compliance and the value that damps it.
+    fn stiffness_in_words(&self, compliance: &FrfValue, damping: &str) -> String {
         let d = self.parameters.iter().find(|value| value.name == damping);
         let k = 1.0 / compliance.value;
         let k = Estimated {
@@ -90,7 +107,21 @@ impl Frf {
             };
             format!(", d {}", with_std(d))
         });
-        format!("{joint} k {}{d}", with_std(k))
+        format!("k {}{d}", with_std(k))
+    }
+
+    /// The fit's bends: at which joint, about which axis, how stiff.
+    fn bends_in_words(&self) -> Option<String> {
+        let of = |value: &FrfValue| {
+            let (axis, place) = value.name.split_once(':')?;
+            let joint = place.strip_prefix(LINK_ELASTICITY)?.strip_prefix(':')?;
+            let is_stiffness = JointQuantity::ALL.iter().any(|q| q.key() == axis);
+            let damping = format!("{axis}_d:{place}");
+            let stiffness = || self.stiffness_in_words(value, &damping);
+            is_stiffness.then(|| format!("{joint} {axis} {}", stiffness()))
+        };
+        let all: Vec<String> = self.parameters.iter().filter_map(of).collect();
+        (!all.is_empty()).then(|| format!("Links bend: {}", all.join("; ")))
     }
 
     fn measurement_in_words(&self) -> String {
@@ -124,6 +155,14 @@ impl Frf {
             unit: &value.unit,
         });
         let mut out = value_lines(values, &self.witnesses);
+        if !self.candidates.is_empty() {
+            out += "\nbend judged           held-out error      z\n";
+        }
+        for own in &self.candidates {
+            let place = format!("{} {}", own.joint, own.axis);
+            let taken = if own.taken { "  taken" } else { "" };
+            out += &format!("{place:<20} {:>15.4} {:>6.1}{taken}\n", own.error, own.z);
+        }
         out += "\npoint  blocks  periods  noise %  scatter %  even %   odd %  mean position\n";
         let percent =
             |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{:.2}", 100.0 * x));

@@ -13,13 +13,19 @@ use super::super::{Error, json, usage_error};
 use super::{Report, Simulate, suggest, written};
 use crate::excite::Command;
 use crate::excite::frf::{FrfPlan, USUAL_EFFORT, design};
-use crate::model::{JointKind, Model};
+use crate::model::{JointKind, LINK_ELASTICITY, Model};
 use crate::name;
 use crate::output::{self, WriteError};
 use crate::progress::Progress;
 
 /// What may be hidden.
-pub(super) const HIDDEN: [&str; 4] = ["elasticity", "armature", "viscous", "coulomb"];
+pub(super) const HIDDEN: [&str; 5] = [
+    "elasticity",
+    LINK_ELASTICITY,
+    "armature",
+    "viscous",
+    "coulomb",
+];
 /// Length of the slow log, s.
 const SLOW: f64 = 60.0;
 /// Damping of a spring for which none is said, as a share of its stiffness, s.
@@ -148,6 +154,7 @@ impl Simulate {
                 viscous: 0.0,
                 coulomb: 0.0,
                 spring: None,
+                bends: [None; 2],
             }
         });
         let mut joints: Vec<ElasticJoint> = joints.collect();
@@ -166,8 +173,13 @@ impl Simulate {
         let refuse =
             |message: String| -> ! { usage_error("simulate", ErrorKind::ValueValidation, message) };
         for asked in &self.hide {
-            let (what, joint, [value, damping]) =
-                parse(&asked.text).unwrap_or_else(|message| refuse(message));
+            let Hidden {
+                what,
+                joint,
+                value,
+                damping,
+                axis,
+            } = parse(&asked.text).unwrap_or_else(|message| refuse(message));
             let places = match &joint {
                 Some(joint) => match model.robot().joint(joint) {
                     Ok(joint) => joint..joint + 1,
@@ -178,6 +190,13 @@ impl Simulate {
             for joint in &mut joints[places] {
                 match what {
                     "elasticity" => joint.spring = Some([value, damping]),
+                    LINK_ELASTICITY => {
+                        for (n, bend) in joint.bends.iter_mut().enumerate() {
+                            if axis.is_none_or(|axis| axis == n + 1) {
+                                *bend = Some([value, damping]);
+                            }
+                        }
+                    }
                     "armature" => joint.armature = Some(value),
                     "viscous" => joint.viscous = value,
                     _ => joint.coulomb = value,
@@ -196,8 +215,18 @@ fn about_com(phi: &InertialParameters<f64>) -> (Vector3<f64>, nalgebra::Matrix3<
     (com, phi.rotational_inertia() - moved)
 }
 
-/// `NAME[:JOINT]=VALUE[,damping=VALUE]`.
-fn parse(text: &str) -> Result<(&'static str, Option<String>, [f64; 2]), String> {
+/// What is hidden at a joint, or at all.
+struct Hidden {
+    what: &'static str,
+    joint: Option<String>,
+    value: f64,
+    damping: f64,
+    /// Which axis across the joint's bends, 1 or 2; both if none is named.
+    axis: Option<usize>,
+}
+
+/// `NAME[:JOINT]=VALUE[,damping=VALUE][,axis=1|2]`.
+fn parse(text: &str) -> Result<Hidden, String> {
     let (place, values) = text.split_once('=').ok_or("expected NAME[:JOINT]=VALUE")?;
     let (name, joint) = match place.split_once(':') {
         Some((name, joint)) => (name, Some(joint.to_owned())),
@@ -214,14 +243,29 @@ fn parse(text: &str) -> Result<(&'static str, Option<String>, [f64; 2]), String>
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         _ => Err(format!("`{text}` is not a number of 0 or more")),
     };
-    let (value, damping) = match values.split_once(",damping=") {
-        Some((value, damping)) if name == "elasticity" => (number(value)?, Some(number(damping)?)),
-        _ => (number(values)?, None),
+    let mut parts = values.split(',');
+    let value = number(parts.next().unwrap_or_default())?;
+    let mut own = Hidden {
+        what: known,
+        joint,
+        value,
+        damping: DAMPING * value,
+        axis: None,
     };
-    if value == 0.0 && ["elasticity", "armature"].contains(&name) {
+    let is_bend = name == LINK_ELASTICITY;
+    let is_spring = name == "elasticity" || is_bend;
+    for part in parts {
+        match part.split_once('=') {
+            Some(("damping", damping)) if is_spring => own.damping = number(damping)?,
+            Some(("axis", "1")) if is_bend => own.axis = Some(1),
+            Some(("axis", "2")) if is_bend => own.axis = Some(2),
+            _ => return Err(format!("`{part}` is no part of `{name}`")),
+        }
+    }
+    if value == 0.0 && (is_spring || name == "armature") {
         return Err(format!("`{name}` must be greater than 0"));
     }
-    Ok((known, joint, [value, damping.unwrap_or(DAMPING * value)]))
+    Ok(own)
 }
 
 /// Writes what `record` gives; counts the samples.

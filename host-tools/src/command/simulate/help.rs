@@ -38,7 +38,7 @@ pub(super) fn long_help() -> String {
         poses.join(", ")
     );
     text += &format!(
-        "\nWith --frf: {}; elasticity:JOINT=k[,damping=d] (N m/rad, N m s/rad).",
+        "\nWith --frf: {}; elasticity:JOINT=k[,damping=d] (N m/rad, N m s/rad), link_elasticity:JOINT=k[,damping=d][,axis=1|2].",
         super::frf::HIDDEN.join(", ")
     );
     text

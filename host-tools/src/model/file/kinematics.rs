@@ -3,8 +3,10 @@
 use std::fmt::Write;
 
 use super::tables::{File, FixtureTable, ToolTable};
-use super::write::{key, string};
-use super::{Fault, Impossible, Model, ModelProblem, UnknownName, impossible, joint};
+use super::write::{key, string, witnesses};
+use super::{
+    Fault, Impossible, Model, ModelProblem, UnknownName, finite, impossible, joint, read_witnesses,
+};
 use crate::model::{Estimate, Fixture, JointQuantity, Tool};
 
 /// Reads `[[mount]]`, `[[tool]]` and `[kinematics.JOINT]`.
@@ -43,15 +45,24 @@ pub(super) fn read(model: &mut Model, file: &File) -> Result<(), Fault> {
     for (name, quantities) in &file.kinematics {
         let joint = joint(model, name.get_ref(), name.span().start)?;
         for (symbol, entry) in quantities {
-            let at = symbol.span().start;
-            let quantity = quantity(symbol.get_ref(), at)?;
-            let what = format!("{} of {}", symbol.get_ref(), name.get_ref());
+            let (at, key) = (symbol.span().start, symbol.get_ref().as_str());
+            let what = format!("{key} of {}", name.get_ref());
             let estimate = Estimate {
                 value: entry.value,
                 std: entry.std,
             };
+            let spring = (JointQuantity::ALL.into_iter()).find(|q| q.damping_key() == Some(key));
+            if let Some(spring) = spring {
+                model
+                    .place_spring_damping(joint, spring, estimate)
+                    .map_err(impossible(at, what))?;
+                continue;
+            }
+            let quantity = quantity(key, at)?;
+            let check = |value| finite(quantity.key(), value);
+            let witnesses = read_witnesses(&entry.measured_by, &what, at, check)?;
             model
-                .place_joint_quantity(joint, quantity, estimate)
+                .place_joint_quantity(joint, quantity, estimate, witnesses)
                 .map_err(impossible(at, what))?;
         }
     }
@@ -61,13 +72,12 @@ pub(super) fn read(model: &mut Model, file: &File) -> Result<(), Fault> {
 /// The quantity of a key; elasticity and backlash are effects and have tables of their own.
 fn quantity(name: &str, at: usize) -> Result<JointQuantity, Fault> {
     let effects = [JointQuantity::Elasticity, JointQuantity::Backlash];
-    let own = || {
-        JointQuantity::ALL
-            .into_iter()
-            .filter(|q| !effects.contains(q))
-    };
+    let all = || JointQuantity::ALL.into_iter();
+    let own = || all().filter(|q| !effects.contains(q));
     own().find(|q| q.key() == name).ok_or_else(|| {
-        let unknown = UnknownName::new("correction", name, own().map(JointQuantity::key));
+        let dampers = all().filter_map(JointQuantity::damping_key);
+        let known = own().map(JointQuantity::key).chain(dampers);
+        let unknown = UnknownName::new("correction", name, known);
         (Some(at), ModelProblem::UnknownName(unknown))
     })
 }
@@ -122,13 +132,30 @@ pub(super) fn write(out: &mut String, model: &Model) -> std::fmt::Result {
             fixture.rpy != [0.0; 3] || fixture.rpy_std.is_some(),
         )?;
     }
+    let number = |Estimate { value, std }: Estimate| {
+        let std = std.map_or(String::new(), |std| format!(", std = {std:?}"));
+        format!("value = {value:?}{std}")
+    };
+    let corrections = known.corrections.iter().map(|own| {
+        let witnesses = witnesses(&own.witnesses).map_or(String::new(), |text| format!(", {text}"));
+        let text = number(own.estimate) + &witnesses;
+        (own.joint, own.quantity.key(), text)
+    });
+    let dampers = known
+        .dampers
+        .iter()
+        .filter_map(|&(joint, spring, estimate)| {
+            Some((joint, spring.damping_key()?, number(estimate)))
+        });
+    let mut all: Vec<(usize, &str, String)> = corrections.chain(dampers).collect();
+    // The sort is stable: a joint's corrections stay before its dampers.
+    all.sort_by_key(|(joint, ..)| *joint);
     let mut last = None;
-    for (joint, quantity, Estimate { value, std }) in &known.corrections {
+    for (joint, symbol, text) in &all {
         if last.replace(joint) != Some(joint) {
             writeln!(out, "\n[kinematics.{}]", key(model.joint_name(*joint)))?;
         }
-        let std = std.map_or(String::new(), |std| format!(", std = {std:?}"));
-        writeln!(out, "{} = {{ value = {value:?}{std} }}", quantity.key())?;
+        writeln!(out, "{symbol} = {{ {text} }}")?;
     }
     Ok(())
 }

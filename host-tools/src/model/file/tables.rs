@@ -35,7 +35,7 @@ pub(super) struct File {
     pub(super) tool: Vec<Spanned<ToolTable>>,
     /// Corrections by joint and quantity.
     #[serde(default)]
-    pub(super) kinematics: BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, ParameterEntry>>,
+    pub(super) kinematics: BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, CorrectionEntry>>,
     #[serde(default)]
     pub(super) effect: Vec<Spanned<EffectTable>>,
     #[serde(default)]
@@ -204,6 +204,17 @@ pub(super) struct SymbolTable {
 pub(super) struct ParameterEntry {
     pub(super) value: f64,
     pub(super) std: Option<f64>,
+}
+
+/// A number of a joint that is no effect.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CorrectionEntry {
+    pub(super) value: f64,
+    pub(super) std: Option<f64>,
+    /// What each witness measured of it.
+    #[serde(default)]
+    pub(super) measured_by: BTreeMap<String, ParameterEntry>,
 }
 
 /// Ten numbers by the names of [`NAMES`].

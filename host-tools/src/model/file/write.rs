@@ -80,7 +80,9 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             }
         }
         write_more_parameters(out, e)?;
-        write_witnesses(out, e)?;
+        if let Some(witnesses) = witnesses(&e.witnesses) {
+            writeln!(out, "{witnesses}")?;
+        }
         if let Some(Prior { mean, std }) = e.prior {
             writeln!(out, "prior = {{ mean = {mean:?}, std = {std:?} }}")?;
         }
@@ -197,20 +199,17 @@ fn write_more_parameters(out: &mut String, e: &ModelEffect) -> std::fmt::Result 
     writeln!(out, "parameters = {{ {} }}", entries.join(", "))
 }
 
-/// What each witness measured of the first parameter.
-fn write_witnesses(out: &mut String, e: &ModelEffect) -> std::fmt::Result {
-    let all = Witness::ALL.iter().zip(e.witnesses);
+/// What each witness measured of a number, as a key and its table; none where the number alone says all.
+pub(super) fn witnesses(of: &[Option<Estimate>; 3]) -> Option<String> {
+    let all = Witness::ALL.iter().zip(of);
     let entries: Vec<String> = all
         .filter_map(|(by, own)| {
-            let Estimate { value, std } = own?;
+            let Estimate { value, std } = (*own)?;
             let std = std.map_or(String::new(), |std| format!(", std = {std:?}"));
             Some(format!("{} = {{ value = {value:?}{std} }}", by.key()))
         })
         .collect();
-    if entries.is_empty() {
-        return Ok(());
-    }
-    writeln!(out, "measured_by = {{ {} }}", entries.join(", "))
+    (!entries.is_empty()).then(|| format!("measured_by = {{ {} }}", entries.join(", ")))
 }
 
 fn write_feet_and_imu(out: &mut String, model: &Model) -> std::fmt::Result {
