@@ -211,6 +211,11 @@ impl WalkRobot {
         .collect()
     }
 
+    /// Its feet.
+    pub fn feet(&self) -> &[WalkFoot] {
+        &self.feet
+    }
+
     /// Friction, rotor inertia and bias of its motors: a Go2's in the middle of what recorded data show, or such as are in proportion.
     pub fn typical(&self) -> Vec<HiddenEffect<WalkJoint>> {
         let joints = self.joints();

@@ -167,7 +167,7 @@ impl Simulate {
             |message: String| -> ! { usage_error("simulate", ErrorKind::ValueValidation, message) };
         for asked in &self.hide {
             let (what, joint, [value, damping]) =
-                parse(&asked.text).unwrap_or_else(|message| refuse(message));
+                parse(asked).unwrap_or_else(|message| refuse(message));
             let places = match &joint {
                 Some(joint) => match model.robot().joint(joint) {
                     Ok(joint) => joint..joint + 1,
