@@ -439,3 +439,87 @@ fn what_cannot_be_hidden_while_walking_is_refused_with_what_can() {
     assert!(hide.on(&go2::Leg::ALL).is_err());
     assert!("coulomb:base=1".parse::<Hide>().is_err());
 }
+
+/// A Go2 of which nothing is known but its tree, on these of its feet.
+fn unknown(feet: Vec<WalkFoot>) -> Result<WalkRobot, WalkError> {
+    let known = WalkRobot::go2();
+    WalkRobot::new(
+        known.bodies.clone(),
+        known.facts().to_vec(),
+        feet,
+        known.imu,
+    )
+}
+
+/// A posture that is found from the tree alone puts each foot on the ground within the joints' stops, and their middle below the centre of mass.
+#[test]
+fn a_robot_stands_of_which_only_the_tree_is_known() {
+    let robot = unknown(WalkRobot::go2().feet).unwrap();
+    assert!((robot.heavier - 1.0).abs() < 1e-12 && (robot.longer - 1.0).abs() < 1e-12);
+    let stance = robot.stance.as_ref().unwrap();
+    let (frames, torque) = mechanics(&robot.bodies).unwrap().held(&stance.q);
+    for (foot, home) in robot.feet.iter().zip(&stance.home) {
+        let place = frames[foot.body].rotation * foot.middle() + frames[foot.body].translation;
+        let off = place - home.push(foot.radius - stance.height);
+        assert!(off.norm() < 1e-3, "{off}");
+    }
+    for (q, facts) in stance.q.iter().zip(robot.facts()) {
+        assert!(
+            *q > facts.limits[0] && *q < facts.limits[1],
+            "{q} {facts:?}"
+        );
+    }
+    // Moments of the weight about the feet's middle.
+    let middle = stance.home.iter().sum::<nalgebra::Vector2<f64>>() / LEGS as f64;
+    let weight = torque[5];
+    let (x, y) = (-torque[1] / weight, torque[0] / weight);
+    assert!(
+        (x - middle.x).abs() < 1e-3 && (y - middle.y).abs() < 1e-3,
+        "{x} {y} {middle}"
+    );
+}
+
+/// Such a robot trots, flies, hops and sways as a Go2 does, and its feet carry its weight on average.
+#[test]
+fn a_robot_walks_of_which_only_the_tree_is_known() {
+    let robot = Arc::new(unknown(WalkRobot::go2().feet).unwrap());
+    for gait in Gait::ALL {
+        let walk = Walk {
+            robot: Arc::clone(&robot),
+            ..with(
+                ideal(gait),
+                &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
+            )
+        };
+        let mut walker = walk.walker().unwrap();
+        let weight = walk.quantities()[0].value * GRAVITY;
+        let (mut carried, count) = (0.0, 1000);
+        for n in 1..=count {
+            walker.advance_to(1.0 + f64::from(n) / 250.0).unwrap();
+            let forces = walker.plant.on_feet(walker.plant.forces());
+            carried += forces.iter().sum::<f64>() / weight / f64::from(count);
+        }
+        assert!((carried - 1.0).abs() < 0.05, "{gait:?}: {carried}");
+    }
+}
+
+/// What a robot on two feet cannot do is refused with the cause.
+#[test]
+fn a_robot_on_two_feet_needs_flat_ones_and_sways() {
+    let mut feet = WalkRobot::go2().feet;
+    feet.truncate(2);
+    let refused = unknown(feet.clone()).unwrap_err();
+    assert!(matches!(refused, WalkError::Stance { .. }), "{refused}");
+    for foot in &mut feet {
+        let corner = |x, y| foot.points[0] + Vector3::new(x, y, 0.0);
+        foot.points = vec![corner(0.1, 0.05), corner(0.1, -0.05), corner(-0.1, 0.0)];
+    }
+    let walk = Walk {
+        robot: Arc::new(unknown(feet).unwrap()),
+        ..ideal(Gait::Hop)
+    };
+    let last = walk.samples().last();
+    let feet = 2;
+    let gait = Gait::Hop;
+    assert_eq!(last, Some(Err(WalkError::Gait { gait, feet })));
+}
