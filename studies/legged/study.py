@@ -74,6 +74,7 @@ class Study:
         values = {f"{what}:{body}": x for body, ten in truth["bodies"].items() for what, x in zip(FLOATS, ten)}
         values |= {f"{what}:{joint}": truth["friction"][what] for what in ("viscous", "coulomb", "armature") for joint in robot.joints}
         quantities = {"total_mass": truth["mass"]} | {f"trunk_com_{a}": x for a, x in zip(AXES, truth["com_base"])}
+        quantities |= {f"robot_com_{a}": x for a, x in zip(AXES, whole_com(robot, truth["bodies"]))}
         return (plain, loaded, other["load"], values, quantities), None
 
     def judged(self, robot, seed, logs):
@@ -115,6 +116,20 @@ class Study:
         return figures
 
 
+def whole_com(robot, bodies):
+    """The whole robot's centre of mass with its joints at zero, or at the stop nearest to it, m: as `robot_com_*` has it."""
+    model = pin.buildModelFromUrdf(str(robot.path), pin.JointModelFreeFlyer())
+    q = pin.neutral(model)
+    q[7:] = np.clip(0, model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    mass, moment = 0.0, np.zeros(3)
+    for name, (m, *first) in ((name, ten[:4]) for name, ten in bodies.items()):
+        place = data.oMi[1 if name == "base" else model.getJointId(name)]
+        mass, moment = mass + m, moment + place.rotation @ np.array(first) + m * place.translation
+    return moment / mass
+
+
 def named(diagnosis):
     """What a diagnosis says is missing."""
     if "refused" in diagnosis or diagnosis.get("verdict") == "refused":
@@ -144,6 +159,7 @@ def main():
     parser.add_argument("--robots", type=int, default=5, help="seeds of each kind")
     parser.add_argument("--only", nargs="*", default=NAMES, choices=NAMES)
     parser.add_argument("--mujoco", type=Path, help="judge MuJoCo's logs of this folder too, of the robots that it has")
+    parser.add_argument("--without-own", action="store_true", help="judge MuJoCo's alone")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--write", action="store_true", help="keep the table in studies/legged/table.md")
     args = parser.parse_args()
@@ -155,7 +171,7 @@ def main():
         for name in args.only:
             robot = study.robot(name)
             gait = GAIT.get(name, "trot")
-            sources = [("own", None)] + ([("MuJoCo", args.mujoco.resolve())] if args.mujoco and (args.mujoco / name).is_dir() else [])
+            sources = ([] if args.without_own else [("own", None)]) + ([("MuJoCo", args.mujoco.resolve())] if args.mujoco and (args.mujoco / name).is_dir() else [])
             for source, logs in sources:
                 with ThreadPoolExecutor(args.jobs) as pool:
                     found = list(pool.map(lambda seed: study.judged(robot, seed, logs), seeds))

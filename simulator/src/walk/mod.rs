@@ -328,11 +328,11 @@ impl Walk {
         truth
     }
 
-    /// Masses and centres of mass, payloads among them: the trunk's about its origin, and the whole robot's about it with a Go2's hips at 0, thighs at
-    /// 0.8 and calves at −1.6 rad, another robot's joints at zero or, where that is beyond a stop, at the stop.
+    /// Masses and centres of mass, payloads among them: the trunk's about its origin, and the whole robot's about it with each joint where
+    /// its facts have it: a Go2's hips at 0, thighs at 0.8 and calves at −1.6 rad.
     pub fn quantities(&self) -> Vec<Quantity> {
         let bodies = self.loaded_bodies();
-        let frames = mechanics(&self.robot.bodies).map(|own| own.held(&self.robot.standing).0);
+        let frames = mechanics(&self.robot.bodies).map(|own| own.held(&self.robot.standing()).0);
         let whole = bodies
             .iter()
             .zip(frames.iter().flatten())

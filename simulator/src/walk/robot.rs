@@ -65,6 +65,8 @@ pub struct JointFacts {
     pub effort: f64,
     /// Motor turns per joint turn.
     pub gear: f64,
+    /// Where it is for the whole robot's centre of mass, rad or m.
+    pub standing: f64,
 }
 
 /// What of a limb touches the ground.
@@ -110,8 +112,6 @@ pub struct WalkRobot {
     pub(super) stance: Option<Stance>,
     /// Sensors of its joints.
     pub(super) sensors: Vec<JointSensors>,
-    /// Where its joints are told to be as it stands, rad or m.
-    pub(super) standing: DVector<f64>,
     /// Middles of the joints' motions.
     pub(super) centre: Vec<f64>,
 }
@@ -124,6 +124,7 @@ impl WalkRobot {
             limits: go2::position_limits(id.leg())[id.place()],
             effort: ACTUATORS[id.place()].effort,
             gear: ACTUATORS[id.place()].gear,
+            standing: STANDING[id.place()],
         };
         let (centre, radius) = go2::FOOT_SPHERE;
         let foot = |leg: Leg| WalkFoot {
@@ -142,7 +143,6 @@ impl WalkRobot {
             longer: 1.0,
             stance: None,
             sensors: (0..joints.len()).map(JointSensors::go2).collect(),
-            standing: DVector::from_fn(joints.len(), |j, _| STANDING[j % JOINTS_PER_LEG]),
             centre: Leg::ALL.into_iter().flat_map(motion::centre).collect(),
             joints,
         }
@@ -176,10 +176,8 @@ impl WalkRobot {
             quanta: [q, dq, tau * heavier * longer],
             ..JointSensors::go2(0)
         };
-        let nearest = |joint: &JointFacts| 0f64.max(joint.limits[0]).min(joint.limits[1]);
         let mut robot = Self {
             sensors: vec![own; joints.len()],
-            standing: DVector::from_iterator(joints.len(), joints.iter().map(nearest)),
             centre: Vec::new(),
             bodies,
             joints,
@@ -230,6 +228,14 @@ impl WalkRobot {
 
     pub(super) fn facts(&self) -> &[JointFacts] {
         &self.joints
+    }
+
+    /// Where its joints are for the whole robot's centre of mass, rad or m.
+    pub(super) fn standing(&self) -> DVector<f64> {
+        DVector::from_iterator(
+            self.joints.len(),
+            self.joints.iter().map(|joint| joint.standing),
+        )
     }
 
     /// The joint that carries a joint, if none but the trunk does.

@@ -268,7 +268,7 @@ impl Stance {
         let mut stance = Self {
             height,
             home,
-            q: robot.standing.clone(),
+            q: robot.standing(),
             chains,
         };
         // The centre of mass moves a little with the legs.

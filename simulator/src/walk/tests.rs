@@ -493,7 +493,8 @@ fn a_robot_walks_of_which_only_the_tree_is_known() {
         };
         let mut walker = walk.walker().unwrap();
         let weight = walk.quantities()[0].value * GRAVITY;
-        let (mut carried, count) = (0.0, 1000);
+        // Whole steps of every gait in five seconds.
+        let (mut carried, count) = (0.0, 1250);
         for n in 1..=count {
             walker.advance_to(1.0 + f64::from(n) / 250.0).unwrap();
             let forces = walker.plant.on_feet(walker.plant.forces());

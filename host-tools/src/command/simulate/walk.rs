@@ -110,7 +110,8 @@ fn of_model(model: &Model) -> Result<WalkRobot, Error> {
         ..*body
     });
     let facts = model.robot().bodies().iter().zip(&legged.gears);
-    let joints = facts.map(|(body, &gear)| JointFacts {
+    let facts = facts.zip(&legged.standing);
+    let joints = facts.map(|((body, &gear), &standing)| JointFacts {
         name: body.name.clone(),
         limits: body.limits,
         // A description that states no effort often says 0.
@@ -120,6 +121,7 @@ fn of_model(model: &Model) -> Result<WalkRobot, Error> {
             f64::INFINITY
         },
         gear,
+        standing,
     });
     // Logs have one column a limb.
     let alone = |foot: &LeggedFoot| {
