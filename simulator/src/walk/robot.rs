@@ -19,7 +19,7 @@ use crate::hidden::{HiddenEffect, HiddenJoint, typical, typical_of};
 use crate::motion;
 use crate::sensors::JointSensors;
 
-/// Where a Go2's centre of mass is told: hip, thigh and calf, rad.
+/// A Go2's hip, thigh and calf as it stands, where its centre of mass is given, rad.
 const STANDING: [f64; JOINTS_PER_LEG] = [0.0, 0.8, -1.6];
 
 /// A joint of a robot that walks.
