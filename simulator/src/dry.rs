@@ -5,7 +5,8 @@
 //! and the inertia: joints stick and break away without a small step. Newton's method on the branches of F finds it in a
 //! few solves; where it cycles, relaxation joint by joint takes over, which always converges.
 
-use nalgebra::{Cholesky, Const, SMatrix, SVector};
+use nalgebra::allocator::Allocator;
+use nalgebra::{Cholesky, Const, DefaultAllocator, Dim, OMatrix, OVector, SMatrix, SVector};
 
 /// The sign of a velocity is a straight line within this speed, rad/s; the sensor's noise is thirty times as large.
 pub(super) const WIDTH: f64 = 5e-4;
@@ -64,17 +65,20 @@ fn branch(sizes: [f64; 2], w: f64) -> [f64; 2] {
 
 /// Sweeps over the coordinates, each to what `alone` says of it while the others stay: of its place, of what is left for it and of its own
 /// entry of A.
-fn relax<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    r: &SVector<f64, N>,
-    mut w: SVector<f64, N>,
+fn relax<N: Dim>(
+    a: &OMatrix<f64, N, N>,
+    r: &OVector<f64, N>,
+    mut w: OVector<f64, N>,
     alone: impl Fn(usize, f64, f64) -> f64,
-) -> SVector<f64, N> {
+) -> OVector<f64, N>
+where
+    DefaultAllocator: Allocator<N, N> + Allocator<N>,
+{
     for _ in 0..SWEEPS {
         let mut moved = 0.0f64;
-        for j in 0..N {
+        for j in 0..w.len() {
             let own = a[(j, j)];
-            let right = r[j] - (a.row(j) * w)[0] + own * w[j];
+            let right = r[j] - (a.row(j) * &w)[0] + own * w[j];
             let next = alone(j, right, own);
             moved = moved.max((next - w[j]).abs());
             w[j] = next;
@@ -148,31 +152,35 @@ impl Side {
 ///
 /// Sets of held coordinates are tried in turn, each from what the one before says; where that does not end, relaxation takes over.
 /// `None` if A is not positive definite.
-pub(super) fn hold<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    r: &SVector<f64, N>,
-    sizes: &[[f64; 2]; N],
-    guess: &SVector<f64, N>,
-) -> Option<SVector<f64, N>> {
-    let mut sides: [Side; N] = std::array::from_fn(|j| Side::of(guess[j]));
-    let mut w = *guess;
+pub(super) fn hold<N: Dim>(
+    a: &OMatrix<f64, N, N>,
+    r: &OVector<f64, N>,
+    sizes: &[[f64; 2]],
+    guess: &OVector<f64, N>,
+) -> Option<OVector<f64, N>>
+where
+    DefaultAllocator: Allocator<N, N> + Allocator<N>,
+{
+    let mut sides: Vec<Side> = guess.iter().map(|w| Side::of(*w)).collect();
+    let mut w = guess.clone();
     for _ in 0..NEWTON {
-        let (mut matrix, mut right) = (*a, *r);
-        for j in 0..N {
-            right[j] -= sides[j].force(sizes[j]);
-            if sides[j] == Side::Held && sizes[j] != [0.0; 2] {
+        let (mut matrix, mut right) = (a.clone(), r.clone());
+        for (j, side) in sides.iter().enumerate() {
+            right[j] -= side.force(sizes[j]);
+            if *side == Side::Held && sizes[j] != [0.0; 2] {
                 matrix.row_mut(j).fill(0.0);
                 matrix.column_mut(j).fill(0.0);
                 matrix[(j, j)] = 1.0;
                 right[j] = 0.0;
             }
         }
-        w = Cholesky::<f64, Const<N>>::new(matrix)?.solve(&right);
-        let left = r - a * w;
-        let next = std::array::from_fn(|j| match sizes[j] {
-            [0.0, 0.0] => sides[j],
-            own => sides[j].next(w[j], left[j], own),
-        });
+        w = Cholesky::<f64, N>::new(matrix)?.solve(&right);
+        let left = r - a * &w;
+        let next = |(j, side): (usize, &Side)| match sizes[j] {
+            [0.0, 0.0] => *side,
+            own => side.next(w[j], left[j], own),
+        };
+        let next: Vec<Side> = sides.iter().enumerate().map(next).collect();
         if next == sides {
             return Some(w);
         }

@@ -1,19 +1,48 @@
 //! An effect at a place with its values: what `--hide` says, and what a battery of tests is made of.
 
+use std::fmt::Display;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use super::effect::{HiddenKind, Scope};
 use crate::TrueValue;
-use proprio_core::go2::{JOINT_NAMES, JOINTS_PER_LEG, JointId, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
 
 /// The base, where a payload names it.
 const BASE: &str = "base";
 
+/// A joint that an effect can be at; it is displayed as its name.
+pub trait HiddenJoint: Clone + PartialEq + Display {
+    /// Whether another joint carries it: what couples two joints needs one.
+    fn is_carried(&self) -> bool;
+
+    /// The names of the joints of its limb that a coupling may be with, in their order, and which of them it is: where one carries it, the one before it.
+    fn limb(&self) -> (Vec<Arc<str>>, usize);
+
+    /// Whether its body bears a foot.
+    fn bears_foot(&self) -> bool;
+}
+
+impl HiddenJoint for JointId {
+    fn is_carried(&self) -> bool {
+        self.place() > 0
+    }
+
+    fn limb(&self) -> (Vec<Arc<str>>, usize) {
+        let names = Self::of(self.leg()).map(|joint| joint.name().into());
+        (names.to_vec(), self.place())
+    }
+
+    fn bears_foot(&self) -> bool {
+        self.place() + 1 == JOINTS_PER_LEG
+    }
+}
+
 /// An effect at a joint, or of the base, with a value for each of its parameters.
 #[derive(Debug, Clone, PartialEq)]
-pub struct HiddenEffect {
+pub struct HiddenEffect<J = JointId> {
     kind: HiddenKind,
-    joint: Option<JointId>,
+    joint: Option<J>,
     values: Vec<f64>,
 }
 
@@ -29,7 +58,7 @@ pub enum HiddenError {
         /// What was written.
         name: String,
         /// What there is.
-        known: Vec<&'static str>,
+        known: Vec<String>,
     },
     /// Not a number.
     #[error("`{0}` is not a number")]
@@ -74,32 +103,32 @@ pub fn walking() -> String {
 }
 
 /// `name` was looked for in `known`.
-fn unknown(name: &str, known: impl IntoIterator<Item = &'static str>) -> HiddenError {
+fn unknown(name: &str, known: impl IntoIterator<Item = impl Display>) -> HiddenError {
     HiddenError::Name {
         name: name.to_owned(),
-        known: known.into_iter().collect(),
+        known: known.into_iter().map(|name| name.to_string()).collect(),
     }
 }
 
-impl HiddenEffect {
+impl<J: HiddenJoint> HiddenEffect<J> {
     /// The effect at `joint` (`None`: the base, which may carry a payload) with this value of its first parameter and the others' defaults.
     ///
     /// # Errors
     /// [`HiddenError::Bounds`] or [`HiddenError::Place`].
-    pub fn new(kind: HiddenKind, joint: Option<JointId>, value: f64) -> Result<Self, HiddenError> {
+    pub fn new(kind: HiddenKind, joint: Option<J>, value: f64) -> Result<Self, HiddenError> {
         let description = kind.description();
         let misplaced = |why| Err(HiddenError::Place(description.name, why));
-        match (description.scope, joint) {
+        match (description.scope, &joint) {
             (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
             (Scope::Joint, None) if kind == HiddenKind::Payload => {}
             (Scope::Joint | Scope::Pair | Scope::Foot, None) => return misplaced("needs a joint"),
-            (Scope::Pair, Some(joint)) if joint.place() == 0 => {
+            (Scope::Pair, Some(joint)) if !joint.is_carried() => {
                 return misplaced(
-                    "couples a joint with the one that carries it: name a thigh or a calf",
+                    "couples a joint with the one that carries it: name a joint that another carries",
                 );
             }
-            (Scope::Foot, Some(joint)) if joint.place() + 1 != JOINTS_PER_LEG => {
-                return misplaced("is at a foot: name the calf that carries it");
+            (Scope::Foot, Some(joint)) if !joint.bears_foot() => {
+                return misplaced("is at a foot: name the joint that carries it");
             }
             _ => {}
         }
@@ -140,8 +169,8 @@ impl HiddenEffect {
     }
 
     /// Those of `effects` that a joint has, in the order of their kinds; of several of a kind the last.
-    pub(crate) fn at_joint(effects: &[Self], joint: JointId) -> Vec<&Self> {
-        let here = || effects.iter().filter(|e| e.joint() == Some(joint));
+    pub(crate) fn at_joint<'a>(effects: &'a [Self], joint: &J) -> Vec<&'a Self> {
+        let here = || effects.iter().filter(|e| e.joint.as_ref() == Some(joint));
         let mut kinds = HiddenKind::ALL.to_vec();
         for kind in here().map(Self::kind) {
             if !kinds.contains(&kind) {
@@ -158,8 +187,17 @@ impl HiddenEffect {
     }
 
     /// At which joint; `None` for the base.
-    pub fn joint(&self) -> Option<JointId> {
-        self.joint
+    pub fn joint(&self) -> Option<J> {
+        self.joint.clone()
+    }
+
+    /// The same at the joint that `to` says.
+    pub fn moved<K>(self, to: impl FnOnce(J) -> K) -> HiddenEffect<K> {
+        HiddenEffect {
+            kind: self.kind,
+            joint: self.joint.map(to),
+            values: self.values,
+        }
     }
 
     /// Its parameters' values, in the order of its description.
@@ -169,7 +207,7 @@ impl HiddenEffect {
 
     /// `stribeck:FR_calf`, `payload:base`, `base_tilt`.
     pub fn place(&self) -> String {
-        match self.joint {
+        match &self.joint {
             Some(joint) => format!("{}:{joint}", self.kind.name()),
             None if self.kind.description().scope == Scope::Base => self.kind.name().to_owned(),
             None => format!("{}:{BASE}", self.kind.name()),
@@ -214,22 +252,42 @@ pub fn typical(legs: &[Leg]) -> Vec<HiddenEffect> {
     joints.flat_map(at).collect()
 }
 
+/// Friction, rotor inertia and bias of another robot's motors: a Go2's in the middle of its joints. A torque is so many times as large as the robot is
+/// heavier and its legs longer; times grow with the root of the length, as those of a pendulum.
+pub(crate) fn typical_of<J: HiddenJoint>(
+    joints: &[J],
+    heavier: f64,
+    longer: f64,
+) -> Vec<HiddenEffect<J>> {
+    let unit = heavier * longer;
+    let at = |(n, joint): (usize, &J)| {
+        let side = if n.is_multiple_of(2) { -1.0 } else { 1.0 };
+        let table = [
+            (HiddenKind::Viscous, 0.04 * unit * longer.sqrt()),
+            (HiddenKind::Coulomb, 0.15 * unit),
+            (HiddenKind::Armature, 0.006 * unit * longer),
+            (HiddenKind::Bias, 0.1 * unit * side),
+        ];
+        table.map(|(kind, value)| HiddenEffect {
+            kind,
+            joint: Some(joint.clone()),
+            values: vec![value],
+        })
+    };
+    joints.iter().enumerate().flat_map(at).collect()
+}
+
 /// What `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]` says; without a joint, at all joints that can have it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Hide {
+pub struct Hide<J = JointId> {
     kind: HiddenKind,
-    joint: Option<JointId>,
+    joint: Option<J>,
     on_base: bool,
     value: f64,
     others: Vec<(String, f64)>,
 }
 
 impl Hide {
-    /// The joint it names, if it does.
-    pub fn joint(&self) -> Option<JointId> {
-        self.joint
-    }
-
     /// The effects it asks for on a pinned robot with these legs.
     ///
     /// # Errors
@@ -239,43 +297,17 @@ impl Hide {
             let why = "on the base is felt only by a robot that walks (simulate --walk)";
             return Err(HiddenError::Place(self.kind.name(), why));
         }
-        self.places(legs)
-    }
-
-    /// The effects it asks for on a whole robot that walks.
-    ///
-    /// # Errors
-    /// [`HiddenError`], such as [`HiddenError::Walking`].
-    pub fn on_walker(&self) -> Result<Vec<HiddenEffect>, HiddenError> {
-        if NOT_WALKING.contains(&self.kind) {
-            return Err(HiddenError::Walking(self.kind.name()));
-        }
-        self.places(&Leg::ALL)
-    }
-
-    fn places(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
-        let joints = || legs.iter().flat_map(|&leg| JointId::of(leg));
-        let places: Vec<Option<JointId>> = match (self.joint, self.kind.description().scope) {
-            (None, _) if self.on_base => vec![None],
-            (Some(joint), _) => vec![Some(joint)],
-            (None, Scope::Base) => vec![None],
-            (None, Scope::Joint) => joints().map(Some).collect(),
-            (None, Scope::Pair) => joints().filter(|j| j.place() > 0).map(Some).collect(),
-            (None, Scope::Foot) => joints().filter(|j| j.place() == 2).map(Some).collect(),
-        };
-        let at = |joint| {
-            let effect = HiddenEffect::new(self.kind, joint, self.value)?;
-            let mut others = self.others.iter();
-            others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
-        };
-        places.into_iter().map(at).collect()
+        let joints: Vec<JointId> = legs.iter().flat_map(|&leg| JointId::of(leg)).collect();
+        self.places(&joints)
     }
 }
 
-impl FromStr for Hide {
-    type Err = HiddenError;
-
-    fn from_str(text: &str) -> Result<Self, HiddenError> {
+impl<J: HiddenJoint> Hide<J> {
+    /// What the text says on a robot of these joints.
+    ///
+    /// # Errors
+    /// [`HiddenError`].
+    pub fn parse(text: &str, joints: &[J]) -> Result<Self, HiddenError> {
         let (place, values) = text.split_once('=').ok_or(HiddenError::Form)?;
         let (effect, joint) = match place.split_once(':') {
             Some((effect, place)) => (effect, Some(place)),
@@ -287,9 +319,11 @@ impl FromStr for Hide {
         // What is of the base anyway may say so.
         let is_of_base = on_base || kind.description().scope == Scope::Base;
         let joint = joint.filter(|&name| !(is_of_base && name == BASE));
-        let joint = joint
-            .map(|name| JointId::from_name(name).ok_or_else(|| unknown(name, JOINT_NAMES)))
-            .transpose()?;
+        let named = |name: &str| {
+            let found = joints.iter().find(|joint| joint.to_string() == name);
+            found.cloned().ok_or_else(|| unknown(name, joints))
+        };
+        let joint = joint.map(named).transpose()?;
         let mut values = values.split(',');
         let value = number(values.next().unwrap_or(""))?;
         let mut others = Vec::new();
@@ -304,9 +338,52 @@ impl FromStr for Hide {
             value,
             others,
         };
-        // What is wrong with it is wrong on any legs.
-        hide.places(&[joint.map_or(Leg::FR, JointId::leg)])?;
+        // What is wrong with it is wrong wherever it is.
+        hide.places(joints)?;
         Ok(hide)
+    }
+
+    /// The joint it names, if it does.
+    pub fn joint(&self) -> Option<J> {
+        self.joint.clone()
+    }
+
+    /// The effects it asks for on a whole robot that walks on these joints.
+    ///
+    /// # Errors
+    /// [`HiddenError`], such as [`HiddenError::Walking`].
+    pub fn on_walker(&self, joints: &[J]) -> Result<Vec<HiddenEffect<J>>, HiddenError> {
+        if NOT_WALKING.contains(&self.kind) {
+            return Err(HiddenError::Walking(self.kind.name()));
+        }
+        self.places(joints)
+    }
+
+    fn places(&self, joints: &[J]) -> Result<Vec<HiddenEffect<J>>, HiddenError> {
+        let all = |can: fn(&J) -> bool| joints.iter().filter(move |j| can(j)).cloned().map(Some);
+        let places: Vec<Option<J>> = match (&self.joint, self.kind.description().scope) {
+            (None, _) if self.on_base => vec![None],
+            (Some(joint), _) => vec![Some(joint.clone())],
+            (None, Scope::Base) => vec![None],
+            (None, Scope::Joint) => all(|_| true).collect(),
+            (None, Scope::Pair) => all(J::is_carried).collect(),
+            (None, Scope::Foot) => all(J::bears_foot).collect(),
+        };
+        let at = |joint| {
+            let effect = HiddenEffect::new(self.kind, joint, self.value)?;
+            let mut others = self.others.iter();
+            others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
+        };
+        places.into_iter().map(at).collect()
+    }
+}
+
+impl FromStr for Hide {
+    type Err = HiddenError;
+
+    /// On a Go2.
+    fn from_str(text: &str) -> Result<Self, HiddenError> {
+        Self::parse(text, &JointId::all().collect::<Vec<_>>())
     }
 }
 

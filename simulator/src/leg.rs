@@ -40,8 +40,8 @@ pub(super) struct SimulatedLeg {
     mount: Transform<f64>,
     /// Ticks of the controller so far.
     ticks: u64,
-    reported: ReportedTorque<JOINTS>,
-    motors: LaggingMotors<JOINTS>,
+    reported: ReportedTorque,
+    motors: LaggingMotors,
     /// The torque that the motors give now, N m.
     given: Vector3<f64>,
 }
@@ -62,14 +62,16 @@ impl SimulatedLeg {
         let temperature = Vector3::from_fn(|_, _| rng.random_range(TEMPERATURES));
         let [roll, pitch, yaw] = simulation.mount;
         let mount = turned(Rotation3::from_euler_angles(roll, pitch, yaw));
-        let joints = std::array::from_fn(|place| joint(simulation, leg, place));
+        let joints: [PlantJoint; JOINTS] =
+            std::array::from_fn(|place| joint(simulation, leg, place));
         let mut bodies = simulation.bodies(leg);
         for (body, joint) in bodies.iter_mut().zip(&joints) {
             let effects: &Vec<Box<dyn Effect>> = &joint.effects;
             *body = effects.iter().fold(*body, |sum, e| sum + e.load());
         }
-        let reported = ReportedTorque::new(PERIOD, |j| &joints[j].effects);
-        let motors = LaggingMotors::new(|j| &joints[j].effects);
+        let effects = || joints.iter().map(|joint: &PlantJoint| &joint.effects);
+        let reported = ReportedTorque::new(PERIOD, effects());
+        let motors = LaggingMotors::new(effects());
         let [roll, pitch] = simulation.tilt();
         let base = mount.compose(&turned(Rotation3::from_euler_angles(roll, pitch, 0.0)));
         let follow = simulation.follow.clone();
@@ -115,7 +117,8 @@ impl SimulatedLeg {
     /// What the bus tells of the leg now, before noise and quanta.
     pub(super) fn report(&self) -> Report {
         let (q, dq) = self.measured();
-        let tau = self.reported.at(self.state.t);
+        let mut torques = self.reported.at(self.state.t);
+        let tau = Vector3::from_fn(|_, _| torques.next().unwrap_or(0.0));
         Report {
             q,
             dq,
@@ -184,13 +187,14 @@ impl SimulatedLeg {
             let effects = self.plant.joints[j].effects.iter();
             asked[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
         }
-        self.given = self.motors.follow(PERIOD, &asked);
+        self.motors.follow(PERIOD, asked.as_mut_slice());
+        self.given = asked;
         let middle = if self.ticks == 0 {
             0.0
         } else {
             t + PERIOD / 2.0
         };
-        self.reported.hold(t, middle, reported);
+        self.reported.hold(t, middle, reported.as_slice());
         self.ticks += 1;
     }
 
@@ -244,7 +248,7 @@ fn joint(simulation: &Simulation, leg: Leg, place: usize) -> PlantJoint {
         centre: centre(leg)[place],
         duration: simulation.duration,
     };
-    let hidden = HiddenEffect::at_joint(&simulation.effects, JointId::of(leg)[place]);
+    let hidden = HiddenEffect::at_joint(&simulation.effects, &JointId::of(leg)[place]);
     let hidden = hidden.into_iter();
     let effects: Vec<Box<dyn Effect>> = hidden.map(|e| e.kind().build(e.values(), &site)).collect();
     let transmission = effects.iter().filter_map(|e| e.transmission()).reduce(both);

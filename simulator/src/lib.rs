@@ -40,7 +40,7 @@ pub use effect::{
     CoupledTorque, Description, HiddenKind, Instant, OwnHidden, Parameter as EffectParameter, Scope,
 };
 pub use follow::{FollowError, Followed};
-pub use hidden::{HiddenEffect, HiddenError, Hide};
+pub use hidden::{HiddenEffect, HiddenError, HiddenJoint, Hide};
 use leg::{PERIOD, SimulatedLeg};
 pub use motion::Motion;
 pub use sensors::Sensors;
@@ -203,7 +203,7 @@ impl Simulation {
         }
         for joint in joints {
             let unstated = |kind| self.unstated(kind, joint);
-            truth.extend(truth_of_joint(&self.effects, joint, unstated));
+            truth.extend(truth_of_joint(&self.effects, &joint, unstated));
         }
         truth
     }
@@ -271,9 +271,9 @@ fn truth_of_body(
 }
 
 /// The effects at a joint: those that are estimated by default in any case, with a value `unstated` where nobody asked for them.
-fn truth_of_joint(
-    effects: &[HiddenEffect],
-    joint: JointId,
+fn truth_of_joint<J: HiddenJoint>(
+    effects: &[HiddenEffect<J>],
+    joint: &J,
     unstated: impl Fn(HiddenKind) -> f64,
 ) -> Vec<TrueValue> {
     let mut truth = Vec::new();

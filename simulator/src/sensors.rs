@@ -10,6 +10,25 @@ use super::SimulatedSample;
 /// Standard deviation of the reported torque, in steps of the bus: its current sensor's noise is of the order of a step.
 const TORQUE_NOISE: f64 = 0.5;
 
+/// What a joint's own sensors are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct JointSensors {
+    /// Standard deviation of the velocity at standstill, rad/s.
+    pub(crate) velocity_noise: f64,
+    /// Steps of position (rad), velocity (rad/s) and torque (N m).
+    pub(crate) quanta: [f64; 3],
+}
+
+impl JointSensors {
+    /// Those of a Go2's joint, by its number or its place in the leg.
+    pub(crate) fn go2(joint: usize) -> Self {
+        Self {
+            velocity_noise: go2::VELOCITY_NOISE[joint % JOINTS_PER_LEG],
+            quanta: go2::quanta(joint),
+        }
+    }
+}
+
 /// The sensors' and the recorder's faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensors {
@@ -106,7 +125,7 @@ impl Sensors {
                 t: truth.t,
                 ..previous.clone()
             },
-            None => self.measure_anew(truth, torque, rng),
+            None => self.measure_anew(truth, torque, JointSensors::go2, rng),
         }
     }
 
@@ -115,19 +134,21 @@ impl Sensors {
         self.repeats > 0.0 && rng.random_bool(self.repeats)
     }
 
-    /// What is recorded of `truth`, with the further noise `torque` of the torques.
+    /// What joints with these `sensors` record of `truth`, with the further noise `torque` of the torques.
     pub(super) fn measure_anew(
         &self,
         truth: SimulatedSample,
         torque: &[f64],
+        sensors: impl Fn(usize) -> JointSensors,
         rng: &mut ChaCha8Rng,
     ) -> SimulatedSample {
         let mut measured = truth;
         for joint in 0..measured.q.len() {
+            let own = sensors(joint);
             if self.noise > 0.0 {
-                let sigma = self.noise * go2::VELOCITY_NOISE[joint % JOINTS_PER_LEG];
+                let sigma = self.noise * own.velocity_noise;
                 measured.dq[joint] += sigma * rng.sample::<f64, _>(StandardNormal);
-                let sigma = self.noise * TORQUE_NOISE * go2::quanta(joint)[2];
+                let sigma = self.noise * TORQUE_NOISE * own.quanta[2];
                 measured.tau[joint] += sigma * rng.sample::<f64, _>(StandardNormal);
             }
             measured.tau[joint] += torque[joint];
@@ -135,7 +156,7 @@ impl Sensors {
                 measured.dq[joint] += self.velocity_noise * rng.sample::<f64, _>(StandardNormal);
             }
             if self.quantised {
-                let [q, dq, tau] = go2::quanta(joint);
+                let [q, dq, tau] = own.quanta;
                 round_to(q, &mut measured.q[joint]);
                 round_to(dq, &mut measured.dq[joint]);
                 round_to(tau, &mut measured.tau[joint]);

@@ -154,8 +154,13 @@ pub(super) fn of(error: &Error) -> Option<String> {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
         Error::Walk(WalkError::Fell(_)) => Some(
-            "its controller does not balance: hide a smaller load or bias, or take another --seed".to_owned(),
+            "its controller does not balance: hide a smaller load or bias, begin with --typical, whose rotors bear larger gains, or take another --seed".to_owned(),
         ),
+        Error::Walk(WalkError::Gait { .. }) => Some("--walk sway keeps all feet on the ground".to_owned()),
+        Error::Walk(WalkError::Stance { .. }) => Some(
+            "state the robot's feet in the model file ([[foot]]: link, place or points, radius)".to_owned(),
+        ),
+        Error::Walk(WalkError::Robot(_)) => None,
     }
 }
 

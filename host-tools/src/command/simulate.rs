@@ -17,10 +17,10 @@ use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{
-    Followed, HiddenEffect, HiddenError, Hide, Motion, Sensors, Simulation, TrueValue,
+    Followed, HiddenEffect, HiddenError, HiddenJoint, Hide, Motion, Sensors, Simulation, TrueValue,
 };
 use serde::Serialize;
 
@@ -32,7 +32,7 @@ use help::{EXAMPLES, long_help};
 /// Make a log of a robot whose parameters are known
 ///
 /// Its legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference; with --walk the
-/// whole Go2 walks on compliant ground, and the log has the columns of its IMU and of its feet. What --hide adds, and what
+/// whole Go2, or any robot with feet (-m), walks on compliant ground, and the log has the columns of its IMU and of its feet. What --hide adds, and what
 /// --inertia-error changes, is unknown to the model. The truth goes to a file beside the log.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, after_long_help = long_help())]
@@ -66,7 +66,7 @@ pub(crate) struct Simulate {
     /// Also write a log of slow motion of the same robot: for `identify`, whose friction and masses `frf` needs
     #[arg(long, value_name = "LOG", requires = "frf")]
     slow: Option<PathBuf>,
-    /// The robot that is measured, of --poses and --frf
+    /// The robot of --poses, --frf or --walk
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// How far joint frames are off, of --poses: standard deviations of each coordinate and angle
@@ -76,8 +76,8 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "MRAD", requires = "poses", value_parser = within(0.0, 100.0))]
     orientation_noise: Option<f64>,
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one. Or a torque by a formula, `JOINT: FORMULA`
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = formula::Asked::parse)]
-    hide: Vec<formula::Asked>,
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
+    hide: Vec<String>,
     /// Take formulas over the time `t` in --hide: a robot that changes within the log
     #[arg(long)]
     with_time: bool,
@@ -158,7 +158,7 @@ struct Report {
     truth: Option<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
     gait: Option<&'static str>,
-    legs: Vec<&'static str>,
+    legs: Vec<String>,
     samples: u64,
     duration: f64,
     /// The slow log of the same robot.
@@ -183,8 +183,8 @@ struct Truth {
 impl Simulate {
     pub(crate) fn run(self) -> Result<String, Error> {
         let as_json = self.json;
-        if self.model.is_some() && self.poses.is_none() && !self.frf {
-            let message = "-m is the robot of --poses or --frf".to_owned();
+        if self.model.is_some() && self.poses.is_none() && !self.frf && self.walk.is_none() {
+            let message = "-m is the robot of --poses, --frf or --walk".to_owned();
             super::usage_error("simulate", ErrorKind::MissingRequiredArgument, message);
         }
         let report = match (self.poses, self.walk) {
@@ -216,7 +216,7 @@ impl Simulate {
             },
             duration: self.duration.unwrap_or(length),
             rate: self.rate,
-            effects: self.effects(),
+            effects: self.effects_on_legs(),
             inertia_error: self.inertia_error,
             temperature: self.temperature,
             second_encoder: self.second_encoder,
@@ -230,7 +230,9 @@ impl Simulate {
             log: self.output,
             truth,
             gait: None,
-            legs: simulation.legs.iter().map(|leg| leg.name()).collect(),
+            legs: (simulation.legs.iter())
+                .map(|leg| leg.name().to_owned())
+                .collect(),
             samples,
             duration: simulation.duration,
             poses: None,
@@ -257,31 +259,48 @@ impl Simulate {
         }
     }
 
-    /// The effects to simulate; a later --hide replaces an earlier one.
-    fn effects(&self) -> Vec<HiddenEffect> {
+    /// The effects of legs on a fixed base.
+    fn effects_on_legs(&self) -> Vec<HiddenEffect> {
         let legs = &self.legs.0;
-        let mut effects = if self.typical {
+        let begin = if self.typical {
             typical(legs)
         } else {
             Vec::new()
         };
-        for asked in &self.hide {
-            let hide = asked.hidden();
-            if let Some(at) = hide.over_time().filter(|_| !self.with_time) {
-                let message = format!("{at}\n\nA robot that changes within the log: --with-time");
-                super::usage_error("simulate", ErrorKind::MissingRequiredArgument, message);
-            }
-            let joints = hide.joints();
-            if let Some(joint) = joints.iter().find(|joint| !legs.contains(&joint.leg())) {
-                let message = format!("--hide names {joint}, but --legs leaves its leg out");
-                super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
-            }
-            let hidden = hide.on(legs, self.walk.is_some());
-            let hidden = hidden.unwrap_or_else(|error| {
-                super::usage_error("simulate", ErrorKind::ValueValidation, error.to_string())
+        let joints: Vec<JointId> = JointId::all().collect();
+        let effects = self.effects(begin, &joints, |hide| hide.on(legs));
+        let mut places = effects.iter().filter_map(HiddenEffect::joint);
+        if let Some(joint) = places.find(|joint| !legs.contains(&joint.leg())) {
+            let message = format!("--hide names {joint}, but --legs leaves its leg out");
+            super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
+        }
+        effects
+    }
+
+    /// `effects` and those that --hide asks for of a robot with these joints, as `on` has it; a later one replaces an earlier one.
+    fn effects<J: HiddenJoint>(
+        &self,
+        mut effects: Vec<HiddenEffect<J>>,
+        joints: &[J],
+        on: impl Fn(&Hide<J>) -> Result<Vec<HiddenEffect<J>>, HiddenError>,
+    ) -> Vec<HiddenEffect<J>> {
+        let refuse = |kind, message: String| -> ! { super::usage_error("simulate", kind, message) };
+        for text in &self.hide {
+            let hidden = formula::parse(text, joints).unwrap_or_else(|message| {
+                let message = format!(
+                    "invalid value '{text}' for '--hide <EFFECT[:JOINT]=VALUE[,NAME=VALUE...]>': {message}"
+                );
+                refuse(ErrorKind::ValueValidation, message)
             });
+            if let Some(at) = hidden.over_time().filter(|_| !self.with_time) {
+                let message = format!("{at}\n\nA robot that changes within the log: --with-time");
+                refuse(ErrorKind::MissingRequiredArgument, message);
+            }
+            let hidden = hidden
+                .on(&on)
+                .unwrap_or_else(|error| refuse(ErrorKind::ValueValidation, error.to_string()));
             for effect in hidden {
-                let place = |e: &HiddenEffect| (e.kind(), e.joint());
+                let place = |e: &HiddenEffect<J>| (e.kind(), e.joint());
                 effects.retain(|e| place(e) != place(&effect));
                 effects.push(effect);
             }
@@ -417,12 +436,18 @@ fn parse_two(text: &str) -> Result<Two, String> {
     Ok([parse(a)?, parse(b)?])
 }
 
-/// What `--hide` says.
+/// What `--hide` says of a Go2.
 pub(super) fn parse_hide(text: &str) -> Result<Hide, String> {
-    text.parse().map_err(|error: HiddenError| match &error {
-        HiddenError::Name { name, known } => {
-            suggest(&error, name::nearest(name, known.iter().copied()))
-        }
+    hide_on(text, &JointId::all().collect::<Vec<_>>())
+}
+
+/// The same of a robot with these joints.
+fn hide_on<J: HiddenJoint>(text: &str, joints: &[J]) -> Result<Hide<J>, String> {
+    Hide::parse(text, joints).map_err(|error| match &error {
+        HiddenError::Name { name, known } => suggest(
+            &error,
+            name::nearest(name, known.iter().map(String::as_str)),
+        ),
         _ => error.to_string(),
     })
 }

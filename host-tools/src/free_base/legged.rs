@@ -34,11 +34,11 @@ const STANDING: [f64; JOINTS_PER_LEG] = [0.0, 0.8, -1.6];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Point {
     /// Its body, counted from the base.
-    pub(super) body: usize,
+    pub(crate) body: usize,
     /// Its centre in the body's frame, m.
-    pub(super) centre: Vector3<f64>,
+    pub(crate) centre: Vector3<f64>,
     /// m.
-    pub(super) radius: f64,
+    pub(crate) radius: f64,
 }
 
 impl Point {
@@ -53,11 +53,11 @@ impl Point {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LeggedFoot {
     pub(crate) name: String,
-    pub(super) points: Vec<Point>,
+    pub(crate) points: Vec<Point>,
     /// The limb that it is of.
-    pub(super) limb: usize,
+    pub(crate) limb: usize,
     /// Whether its limb's `foot/` column is to be believed.
-    pub(super) sensor: bool,
+    pub(crate) sensor: bool,
 }
 
 /// Speeds, positions and torques that readings cannot have: 1 rad beyond the stops, twice the rated speed and torque.
@@ -80,7 +80,7 @@ pub(crate) struct Legged {
     pub(crate) tree: FreeTree,
     pub(crate) feet: Vec<LeggedFoot>,
     /// The IMU in the base.
-    pub(super) imu: Transform<f64>,
+    pub(crate) imu: Transform<f64>,
     /// Standard deviations of what sensors get wrong, before any data, as they are stated, and as far as the data do not refute them.
     pub(super) stated_std: [f64; SENSORS],
     pub(crate) sensor_std: [f64; SENSORS],

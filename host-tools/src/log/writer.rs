@@ -6,7 +6,7 @@ use super::channel::Channel;
 use super::columns::Columns;
 use super::row::Row;
 use super::slots::{Slots, TIME};
-use proprio_core::go2::{JointId, LEGS, Leg};
+use proprio_core::go2::{JointId, Leg};
 
 /// Writes a log of the motion of one or more legs.
 pub struct LogWriter<W: Write> {
@@ -83,20 +83,20 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// Writes a log of a whole Go2 on its feet: all joints' motion, the IMU, and the feet's counts.
+/// Writes a log of a whole robot on its feet: all joints' motion, the IMU, and the feet's counts.
 pub struct WalkWriter<W: Write> {
     motion: LogWriter<W>,
 }
 
 impl<W: Write> WalkWriter<W> {
-    /// Begins a log on `out` with its header.
+    /// Begins a log of these joints and feet on `out` with its header.
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn new(mut out: W) -> io::Result<Self> {
+    pub fn new(mut out: W, joints: &[String], feet: &[&str]) -> io::Result<Self> {
         write!(out, "t")?;
         for channel in Channel::MOTION {
-            for joint in JointId::all() {
+            for joint in joints {
                 write!(out, ",{}", channel.column(joint))?;
             }
         }
@@ -106,8 +106,8 @@ impl<W: Write> WalkWriter<W> {
         {
             write!(out, ",{sensor}/{axis}")?;
         }
-        for leg in Leg::ALL {
-            write!(out, ",foot/{}", leg.name())?;
+        for foot in feet {
+            write!(out, ",foot/{foot}")?;
         }
         writeln!(out)?;
         let more = Vec::new();
@@ -116,8 +116,8 @@ impl<W: Write> WalkWriter<W> {
         })
     }
 
-    /// Adds a row: time in s, positions (rad), velocities (rad/s) and torques (N m) of the joints in SDK order, angular velocity
-    /// (rad/s) and specific force (m/s²) in the trunk's axes, the feet's counts.
+    /// Adds a row: time in s, positions (rad), velocities (rad/s) and torques (N m) of the joints in the header's order, angular velocity
+    /// (rad/s) and specific force (m/s²) in the IMU's axes, the feet's counts.
     ///
     /// # Errors
     /// Those of the output.
@@ -126,7 +126,7 @@ impl<W: Write> WalkWriter<W> {
         t: f64,
         motion: [&[f64]; 3],
         imu: [[f64; 3]; 2],
-        foot: [f64; LEGS],
+        foot: impl Iterator<Item = f64>,
     ) -> io::Result<()> {
         self.motion.cells(t, motion)?;
         let out = &mut self.motion.out;

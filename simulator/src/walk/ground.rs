@@ -6,6 +6,9 @@
 //! does so on a spring and does not creep. Both can only take energy.
 
 use nalgebra::{Vector2, Vector3};
+use proprio_core::go2::LEGS;
+
+use super::robot::WalkRobot;
 
 /// Flat ground at height zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,12 +46,16 @@ pub(super) struct Answer {
 }
 
 impl Ground {
-    /// Under a quarter of a Go2 it sinks by 0.8 mm.
-    pub(super) fn new(friction: f64) -> Self {
+    /// Under a quarter of a Go2 it sinks by 0.8 mm, and under a point of any other robot by as much, so long as all bear its weight alike. Damping
+    /// takes as many of the robot's own times: a pendulum's of its legs' length.
+    pub(super) fn new(friction: f64, robot: &WalkRobot) -> Self {
+        let points: usize = robot.feet.iter().map(|foot| foot.points.len()).sum();
+        let stiffer = robot.heavier * (LEGS as f64 / points as f64);
+        let slower = robot.longer.sqrt();
         Self {
-            stiffness: 5e4,
-            damping: 3.0,
-            bristle: (5e4, 100.0),
+            stiffness: 5e4 * stiffer,
+            damping: 3.0 / slower,
+            bristle: (5e4 * stiffer, 100.0 * stiffer * slower),
             friction,
         }
     }
@@ -91,7 +98,7 @@ mod tests {
     /// no further, or slides as Coulomb says.
     #[test]
     fn a_push_below_friction_moves_nothing_for_long() {
-        let (ground, mass, h) = (Ground::new(0.9), 4.0, 1.25e-4);
+        let (ground, mass, h) = (Ground::new(0.9, &WalkRobot::go2()), 4.0, 1.25e-4);
         let weight = mass * 9.81;
         for (push, slides) in [(0.8 * weight, false), (1.0 * weight, true)] {
             let (mut x, mut v, mut bent) = (0.0, 0.0, Vector2::zeros());
@@ -126,7 +133,7 @@ mod tests {
 
     #[test]
     fn nothing_is_pulled_and_nothing_pushed_in_the_air() {
-        let ground = Ground::new(0.9);
+        let ground = Ground::new(0.9, &WalkRobot::go2());
         let meeting = |depth, rate| Meeting {
             depth,
             rate,

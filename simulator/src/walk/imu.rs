@@ -1,7 +1,6 @@
 //! What the trunk's and the feet's sensors make of the truth.
 
 use nalgebra::Vector3;
-use proprio_core::go2::LEGS;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -14,7 +13,7 @@ const GYRO: (f64, f64) = (0.001_07, 0.005);
 const ACC: (f64, f64) = (0.0012, 0.05);
 /// Standard deviation of their biases from robot to robot.
 const BIAS: (f64, f64) = (0.003, 0.06);
-/// A foot's count: its offset, counts per N, their noise, and how late the pad of rubber and air is, s.
+/// A foot's count: its offset, counts per N at a Go2's foot, their noise, and how late the pad of rubber and air is, s.
 const OFFSET: std::ops::Range<f64> = 8.0..20.0;
 const GAIN: std::ops::Range<f64> = 0.3..0.6;
 const COUNT_NOISE: f64 = 1.0;
@@ -67,19 +66,24 @@ fn normal(deviation: f64, rng: &mut ChaCha8Rng) -> Vector3<f64> {
 }
 
 /// The pads at the feet's ends: uncalibrated counts that follow the force.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pads {
-    offset: [f64; LEGS],
-    gain: [f64; LEGS],
+    offset: Vec<f64>,
+    gain: Vec<f64>,
     /// The force that they show, N, and when it was, s.
-    shown: Option<(f64, [f64; LEGS])>,
+    shown: Option<(f64, Vec<f64>)>,
 }
 
 impl Pads {
-    pub(super) fn new(rng: &mut ChaCha8Rng) -> Self {
+    /// Of so many feet of a robot that is `heavier` than a Go2 by this factor: they are made for the weight that they carry.
+    pub(super) fn new(feet: usize, heavier: f64, rng: &mut ChaCha8Rng) -> Self {
+        let offset = (0..feet).map(|_| rng.random_range(OFFSET)).collect();
+        let gain = (0..feet)
+            .map(|_| rng.random_range(GAIN) / heavier)
+            .collect();
         Self {
-            offset: std::array::from_fn(|_| rng.random_range(OFFSET)),
-            gain: std::array::from_fn(|_| rng.random_range(GAIN)),
+            offset,
+            gain,
             shown: None,
         }
     }
@@ -88,21 +92,24 @@ impl Pads {
     pub(super) fn read(
         &mut self,
         t: f64,
-        normal: &[f64; LEGS],
+        normal: &[f64],
         sensors: &Sensors,
         rng: &mut ChaCha8Rng,
-    ) -> [f64; LEGS] {
-        let (before, last) = self.shown.unwrap_or((t, *normal));
+    ) -> Vec<f64> {
+        let (before, last) = self.shown.take().unwrap_or_else(|| (t, normal.to_vec()));
         let follow = 1.0 - ((before - t) / LAG).exp();
-        let shown = std::array::from_fn(|n| last[n] + (normal[n] - last[n]) * follow);
-        self.shown = Some((t, shown));
-        std::array::from_fn(|n| {
+        let towards = |(last, now): (&f64, &f64)| last + (now - last) * follow;
+        let shown: Vec<f64> = last.iter().zip(normal).map(towards).collect();
+        let mut count = |n: usize| {
             let noise = sensors.noise * COUNT_NOISE * rng.sample::<f64, _>(StandardNormal);
             let mut count = self.offset[n] + self.gain[n] * shown[n] + noise;
             if sensors.quantised {
                 round_to(1.0, &mut count);
             }
             count
-        })
+        };
+        let counts = (0..shown.len()).map(&mut count).collect();
+        self.shown = Some((t, shown));
+        counts
     }
 }

@@ -1,4 +1,4 @@
-//! The mechanics of the whole robot: a trunk that nothing holds, twelve joints, four feet on the ground.
+//! The mechanics of the whole robot: a trunk that nothing holds, its joints, its feet on the ground.
 //!
 //! From (q, v) over h it is the implicit midpoint rule in all that is smooth, the ground among it, and takes the side of dry friction
 //! at its end ([`dry::hold`]), as a pinned leg's:
@@ -9,33 +9,31 @@
 //!
 //! v is the trunk's twist in its own axes, angular part first, then the joints' velocities; the trunk turns by v̄ over the step.
 
-use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
-use proprio_core::go2::{FOOT_SPHERE, JOINTS, JOINTS_PER_LEG, LEGS};
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector2, Vector3};
 use proprio_core::spatial::Transform;
-use proprio_core::tree::{Joint, Kinematics, Tree};
+use proprio_core::tree::{Body, Joint};
 
 use super::super::dry;
 use super::super::effect::{Effect, JointState, MEMORIES, with_slots};
 use super::super::plant::pairs;
 use super::ground::{Ground, Meeting};
+use super::mechanics::{Instant, Mechanics, TRUNK, mechanics};
+use super::robot::WalkRobot;
 
-/// Bodies and velocity coordinates.
-pub(super) const BODIES: usize = 13;
-pub(super) const COORDINATES: usize = 18;
-/// The trunk's coordinates, before those of the joints.
-const TRUNK: usize = 6;
 /// Passes of a step at most, and the change of v̄ (rad/s, m/s) that ends them.
 const PASSES: usize = 12;
 const SETTLED: f64 = 1e-6;
 /// The same of transmitted torques, N m, where dry friction depends on them.
 const SETTLED_TORQUE: f64 = 1e-3;
 
-pub(super) type Coordinates = SVector<f64, COORDINATES>;
-pub(super) type Torques = SVector<f64, JOINTS>;
-type FreeTree = Tree<f64, BODIES, COORDINATES>;
+/// One number of each velocity coordinate, and of each joint.
+pub(super) type Coordinates = DVector<f64>;
+pub(super) type Torques = DVector<f64>;
 
 /// Where the robot is and how it moves.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
     /// s.
     pub(super) t: f64,
@@ -45,23 +43,23 @@ pub(super) struct State {
     /// Joints, rad.
     pub(super) q: Torques,
     pub(super) v: Coordinates,
-    /// How far each foot's bristle is bent, m.
-    pub(super) bent: [Vector2<f64>; LEGS],
+    /// How far the bristle of each point that touches the ground is bent, m.
+    pub(super) bent: Vec<Vector2<f64>>,
     /// Of the joints' effects.
-    memory: [[f64; MEMORIES]; JOINTS],
+    memory: Vec<[f64; MEMORIES]>,
 }
 
 impl State {
-    /// At rest.
-    pub(super) fn new(t: f64, height: f64, q: Torques) -> Self {
+    /// At rest, on so many points.
+    pub(super) fn new(t: f64, height: f64, q: Torques, points: usize) -> Self {
         Self {
             t,
             position: Vector3::new(0.0, 0.0, height),
             orientation: UnitQuaternion::identity(),
+            v: Coordinates::zeros(TRUNK + q.len()),
+            bent: vec![Vector2::zeros(); points],
+            memory: vec![[0.0; MEMORIES]; q.len()],
             q,
-            v: Coordinates::zeros(),
-            bent: [Vector2::zeros(); LEGS],
-            memory: [[0.0; MEMORIES]; JOINTS],
         }
     }
 
@@ -75,7 +73,7 @@ impl State {
 
     /// The joints' velocities, rad/s.
     pub(super) fn dq(&self) -> Torques {
-        self.v.fixed_rows::<JOINTS>(TRUNK).into_owned()
+        of_joints(&self.v)
     }
 
     /// `h` seconds on at the velocities `v`; these themselves stay.
@@ -90,8 +88,8 @@ impl State {
             t: self.t + h,
             position: self.position + middle * part(3),
             orientation,
-            q: self.q + v.fixed_rows::<JOINTS>(TRUNK) * h,
-            ..*self
+            q: &self.q + v.rows(TRUNK, self.q.len()) * h,
+            ..self.clone()
         }
     }
 
@@ -101,55 +99,100 @@ impl State {
     }
 }
 
+/// A sphere that touches the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Point {
+    body: usize,
+    /// In its body, m.
+    centre: Vector3<f64>,
+    radius: f64,
+}
+
 /// The robot's mechanics.
 pub(super) struct Plant {
-    pub(super) tree: FreeTree,
+    pub(super) robot: Arc<WalkRobot>,
+    pub(super) mechanics: Box<dyn Mechanics>,
     /// What each joint has beyond the rigid bodies.
-    pub(super) effects: [Vec<Box<dyn Effect>>; JOINTS],
+    pub(super) effects: Vec<Vec<Box<dyn Effect>>>,
     pub(super) ground: Ground,
+    /// What touches the ground, foot by foot.
+    points: Vec<Point>,
     /// What rotors add to the inertia.
-    rotors: SMatrix<f64, JOINTS, JOINTS>,
+    rotors: DMatrix<f64>,
     /// Whether some dry friction depends on the transmitted torque.
     load_matters: bool,
     /// Torques that the gears hand to the links in the last step, N m.
     transmitted: Torques,
     /// Accelerations of the last step, rad/s² and m/s²: where the next one's passes begin.
     last: Coordinates,
-    /// Forces on the feet in the world in the last step, N.
-    forces: [Vector3<f64>; LEGS],
+    /// Forces on the points in the world in the last step, N.
+    forces: Vec<Vector3<f64>>,
 }
 
 /// Inertia and forces at one instant.
 struct Loads {
-    inertia: SMatrix<f64, COORDINATES, COORDINATES>,
+    inertia: DMatrix<f64>,
     /// All smooth forces but the motors', N m and N.
     smooth: Coordinates,
     /// The part of these that is not the joints' effects.
     rigid: Coordinates,
     /// Sizes of dry friction in positive and negative motion, N m.
-    dry: [[f64; 2]; COORDINATES],
-    /// Of the feet.
-    forces: [Vector3<f64>; LEGS],
-    bending: [Vector2<f64>; LEGS],
+    dry: Vec<[f64; 2]>,
+    /// Of the points.
+    forces: Vec<Vector3<f64>>,
+    bending: Vec<Vector2<f64>>,
 }
 
 impl Plant {
+    /// Of a robot whose bodies are these; none if they make no tree.
     pub(super) fn new(
-        tree: FreeTree,
-        effects: [Vec<Box<dyn Effect>>; JOINTS],
+        robot: &Arc<WalkRobot>,
+        bodies: &[Body<f64>],
+        effects: Vec<Vec<Box<dyn Effect>>>,
         ground: Ground,
-    ) -> Self {
+    ) -> Option<Self> {
         let all = || effects.iter().flatten();
-        Self {
-            rotors: rotors(&effects),
+        let joints = effects.len();
+        let points: Vec<Point> = (robot.feet.iter())
+            .flat_map(|foot| {
+                foot.points.iter().map(|&centre| Point {
+                    body: foot.body,
+                    centre,
+                    radius: foot.radius,
+                })
+            })
+            .collect();
+        Some(Self {
+            rotors: rotors(robot, &effects),
             load_matters: all().any(|effect| effect.depends_on_load()),
-            transmitted: Torques::zeros(),
-            tree,
+            transmitted: Torques::zeros(joints),
+            mechanics: mechanics(bodies)?,
+            robot: Arc::clone(robot),
             effects,
             ground,
-            last: Coordinates::zeros(),
-            forces: [Vector3::zeros(); LEGS],
-        }
+            last: Coordinates::zeros(TRUNK + joints),
+            forces: vec![Vector3::zeros(); points.len()],
+            points,
+        })
+    }
+
+    /// How many points touch the ground.
+    pub(super) fn points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The force on each foot along the ground's normal, of those on its points, N.
+    pub(super) fn on_feet(&self, forces: &[Vector3<f64>]) -> Vec<f64> {
+        let mut next = forces.iter();
+        let feet = self.robot.feet.iter();
+        feet.map(|foot| next.by_ref().take(foot.points.len()).map(|f| f.z).sum())
+            .collect()
+    }
+
+    /// What each joint's motor has to turn with the trunk held: all it carries, and its rotor, kg m².
+    pub(super) fn inertia_of_joints(&self, state: &State) -> Torques {
+        let instant = self.mechanics.at(&state.base(), &state.q, &state.v);
+        of_joints(&instant.inertia.diagonal()) + self.rotors.diagonal()
     }
 
     /// The mean acceleration over the last step, rad/s² and m/s²: the derivative of [`State::v`].
@@ -163,40 +206,43 @@ impl Plant {
         &self.transmitted
     }
 
-    /// Forces on the feet in the world in the middle of the last step, N.
-    pub(super) fn forces(&self) -> &[Vector3<f64>; LEGS] {
+    /// Forces on the points in the world in the middle of the last step, N.
+    pub(super) fn forces(&self) -> &[Vector3<f64>] {
         &self.forces
     }
 
     /// Moves `state` by `h` seconds under the motors' true torques (N m). `None` if the inertia is not positive definite.
     pub(super) fn step(&mut self, state: &mut State, tau: &Torques, h: f64) -> Option<()> {
-        let before = state.v;
-        let mut after = before + self.last * h;
-        let mut bending = [Vector2::zeros(); LEGS];
+        let before = state.v.clone();
+        let joints = state.q.len();
+        let mut after = &before + &self.last * h;
+        let mut bending = Vec::new();
         for _ in 0..PASSES {
-            let loads = self.loads(state, &((before + after) / 2.0), h);
-            let mut inertia = loads.inertia;
-            let mut own = inertia.fixed_view_mut::<JOINTS, JOINTS>(TRUNK, TRUNK);
-            own += self.rotors;
+            let loads = self.loads(state, &((&before + &after) / 2.0), h);
+            let mut inertia = loads.inertia.clone();
+            let mut own = inertia.view_mut((TRUNK, TRUNK), (joints, joints));
+            own += &self.rotors;
             let mut forces = loads.smooth;
-            let mut motors = forces.fixed_rows_mut::<JOINTS>(TRUNK);
+            let mut motors = forces.rows_mut(TRUNK, joints);
             motors += tau;
-            let right = inertia * before + forces * h;
-            let sizes = loads.dry.map(|sizes| sizes.map(|size| size * h));
+            let right = &inertia * &before + forces * h;
+            let sizes: Vec<[f64; 2]> = (loads.dry.iter())
+                .map(|sizes| sizes.map(|size| size * h))
+                .collect();
             let found = dry::hold(&inertia, &right, &sizes, &after)?;
-            let change = (found - after).amax() / 2.0;
+            let change = (&found - &after).amax() / 2.0;
             (after, bending, self.forces) = (found, loads.bending, loads.forces);
             // What moves the links, but for the ground and the bodies' own forces, the gears hand to them.
-            let links = loads.inertia * ((after - before) / h) - loads.rigid;
-            let transmitted: Torques = links.fixed_rows::<JOINTS>(TRUNK).into();
-            let shift = (transmitted - self.transmitted).amax();
+            let links = loads.inertia * ((&after - &before) / h) - loads.rigid;
+            let transmitted = of_joints(&links);
+            let shift = (&transmitted - &self.transmitted).amax();
             self.transmitted = transmitted;
             if change < SETTLED && (!self.load_matters || shift < SETTLED_TORQUE) {
                 break;
             }
         }
-        self.last = (after - before) / h;
-        let mean = (before + after) / 2.0;
+        self.last = (&after - &before) / h;
+        let mean = (&before + &after) / 2.0;
         let memory = self.remembered(state, &mean, h, 1.0);
         *state = state.moved(&mean, h);
         (state.v, state.memory) = (after, memory);
@@ -213,8 +259,8 @@ impl Plant {
         v: &Coordinates,
         h: f64,
         share: f64,
-    ) -> [[f64; MEMORIES]; JOINTS] {
-        let mut all = state.memory;
+    ) -> Vec<[f64; MEMORIES]> {
+        let mut all = state.memory.clone();
         for (j, own) in all.iter_mut().enumerate() {
             let remembering = with_slots(&self.effects[j]).filter(|(e, _)| e.has_memory());
             for (effect, slot) in remembering {
@@ -231,21 +277,20 @@ impl Plant {
             memory: self.remembered(state, mean, h, 0.5),
             ..state.moved(mean, h / 2.0)
         };
-        let base = middle.base();
-        let k = self.tree.kinematics(&base, &positions(&middle.q), mean);
-        let bias = self.tree.inverse_dynamics(&k, mean, &Coordinates::zeros());
+        let instant = self.mechanics.at(&middle.base(), &middle.q, mean);
         let mut loads = Loads {
-            inertia: self.tree.inertia_matrix(&k),
-            smooth: Coordinates::zeros(),
-            rigid: -bias,
-            dry: [[0.0; 2]; COORDINATES],
-            forces: [Vector3::zeros(); LEGS],
-            bending: [Vector2::zeros(); LEGS],
+            smooth: Coordinates::zeros(mean.len()),
+            rigid: -&instant.bias,
+            dry: vec![[0.0; 2]; mean.len()],
+            forces: Vec::with_capacity(self.points.len()),
+            bending: Vec::with_capacity(self.points.len()),
+            inertia: DMatrix::zeros(0, 0),
         };
-        self.stand(&mut loads, &k, &state.bent, h);
-        loads.smooth = loads.rigid;
-        for j in 0..JOINTS {
-            let carrier = (!j.is_multiple_of(JOINTS_PER_LEG)).then(|| j - 1);
+        self.stand(&mut loads, &instant, &state.bent, h);
+        loads.inertia = instant.inertia;
+        loads.smooth.copy_from(&loads.rigid);
+        for j in 0..self.effects.len() {
+            let carrier = self.robot.carrier(j);
             for (effect, slot) in with_slots(&self.effects[j]) {
                 let seen = JointState {
                     transmitted: self.transmitted[j],
@@ -269,35 +314,37 @@ impl Plant {
     }
 
     /// Adds what the ground does to the feet.
-    fn stand(
-        &self,
-        loads: &mut Loads,
-        k: &Kinematics<f64, BODIES, COORDINATES>,
-        bent: &[Vector2<f64>; LEGS],
-        h: f64,
-    ) {
-        let frames = frames(k);
-        for leg in 0..LEGS {
-            let (point, mut meeting) = self.meeting(k, &frames, leg);
-            meeting.bent = bent[leg];
+    fn stand(&self, loads: &mut Loads, instant: &Instant, bent: &[Vector2<f64>], h: f64) {
+        for (n, own) in self.points.iter().enumerate() {
+            let (place, mut meeting) = own.meeting(instant);
+            meeting.bent = bent[n];
             let answer = self.ground.answer(&meeting, h);
-            loads.forces[leg] = answer.force;
-            loads.bending[leg] = answer.bending;
+            loads.forces.push(answer.force);
+            loads.bending.push(answer.bending);
             if answer.force != Vector3::zeros() {
-                loads.rigid += generalised(&self.tree, &frames, leg, &point, &answer.force);
+                loads.rigid += generalised(
+                    &self.robot,
+                    &instant.frames,
+                    own.body,
+                    &place,
+                    &answer.force,
+                );
             }
         }
     }
 
-    /// Where a foot's force acts, in the world, and how the foot meets the ground; its bristle straight.
-    pub(super) fn meeting(
-        &self,
-        k: &Kinematics<f64, BODIES, COORDINATES>,
-        frames: &[Transform<f64>; BODIES],
-        leg: usize,
-    ) -> (Vector3<f64>, Meeting) {
-        let (frame, twist) = (&frames[calf(leg)], &k.velocity[calf(leg)]);
-        let lowest = lowest(frames, leg);
+    /// Where the force on a point acts, in the world, and how the point meets the ground; its bristle straight.
+    #[cfg(test)]
+    pub(super) fn meeting(&self, instant: &Instant, point: usize) -> (Vector3<f64>, Meeting) {
+        self.points[point].meeting(instant)
+    }
+}
+
+impl Point {
+    /// See [`Plant::meeting`].
+    fn meeting(&self, instant: &Instant) -> (Vector3<f64>, Meeting) {
+        let (frame, twist) = (&instant.frames[self.body], &instant.velocity[self.body]);
+        let lowest = lowest(frame, &self.centre, self.radius);
         let depth = -lowest.z;
         // Rubber and ground give way alike: the force acts half-way between the sphere's lowest and the ground as it was.
         let point = lowest + Vector3::z() * (depth.max(0.0) / 2.0);
@@ -313,15 +360,23 @@ impl Plant {
     }
 }
 
+/// The joints' part of all coordinates.
+pub(super) fn of_joints(all: &Coordinates) -> Torques {
+    all.rows(TRUNK, all.len() - TRUNK).into_owned()
+}
+
 /// What rotors add to the joints' inertia: each to its own, and those that turn with the sum of two joints to both, kg m².
-fn rotors(effects: &[Vec<Box<dyn Effect>>; JOINTS]) -> SMatrix<f64, JOINTS, JOINTS> {
-    let mut all = SMatrix::zeros();
+fn rotors(robot: &WalkRobot, effects: &[Vec<Box<dyn Effect>>]) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(effects.len(), effects.len());
     for (j, own) in effects.iter().enumerate() {
         for effect in own {
             all[(j, j)] += effect.armature();
             let coupled = effect.coupled_inertia();
-            if coupled != 0.0 {
-                pairs(j - 1, j)
+            if coupled == 0.0 {
+                continue;
+            }
+            if let Some(carrier) = robot.carrier(j) {
+                pairs(carrier, j)
                     .into_iter()
                     .for_each(|at| all[at] += coupled);
             }
@@ -330,15 +385,9 @@ fn rotors(effects: &[Vec<Box<dyn Effect>>; JOINTS]) -> SMatrix<f64, JOINTS, JOIN
     all
 }
 
-/// The body that carries a leg's foot.
-fn calf(leg: usize) -> usize {
-    JOINTS_PER_LEG * (leg + 1)
-}
-
-/// The lowest point of a foot's sphere in the world, m.
-pub(super) fn lowest(frames: &[Transform<f64>; BODIES], leg: usize) -> Vector3<f64> {
-    let (frame, (centre, radius)) = (&frames[calf(leg)], FOOT_SPHERE);
-    frame.translation + frame.rotation * Vector3::from(centre) - Vector3::z() * radius
+/// The lowest point of a sphere of this radius about a body's point, in the world, m.
+pub(super) fn lowest(frame: &Transform<f64>, centre: &Vector3<f64>, radius: f64) -> Vector3<f64> {
+    frame.translation + frame.rotation * centre - Vector3::z() * radius
 }
 
 /// What an effect sees of a joint whose gear is rigid.
@@ -355,45 +404,30 @@ pub(super) fn seen(t: f64, q: f64, dq: f64) -> JointState {
     }
 }
 
-/// Positions of all coordinates: the tree does not read the trunk's.
-pub(super) fn positions(q: &Torques) -> Coordinates {
-    let mut all = Coordinates::zeros();
-    all.fixed_rows_mut::<JOINTS>(TRUNK).copy_from(q);
-    all
-}
-
-/// The bodies in the world.
-pub(super) fn frames(k: &Kinematics<f64, BODIES, COORDINATES>) -> [Transform<f64>; BODIES] {
-    let from_parent = &k.placements.from_parent;
-    let mut frames = *from_parent;
-    for b in 1..BODIES {
-        let first_of_leg = (b - 1).is_multiple_of(JOINTS_PER_LEG);
-        let parent = if first_of_leg { 0 } else { b - 1 };
-        frames[b] = frames[parent].compose(&from_parent[b]);
-    }
-    frames
-}
-
-/// Jᵀ f of a `force` on a leg's foot at `point`, both in the world.
+/// Jᵀ f of a `force` on a body at `point`, both in the world.
 pub(super) fn generalised(
-    tree: &FreeTree,
-    frames: &[Transform<f64>; BODIES],
-    leg: usize,
+    robot: &WalkRobot,
+    frames: &[Transform<f64>],
+    body: usize,
     point: &Vector3<f64>,
     force: &Vector3<f64>,
 ) -> Coordinates {
-    let mut all = Coordinates::zeros();
+    let mut all = Coordinates::zeros(TRUNK + robot.bodies.len() - 1);
     let base = &frames[0];
     let moment = (point - base.translation).cross(force);
     all.fixed_rows_mut::<3>(0)
         .copy_from(&base.rotation.tr_mul(&moment));
     all.fixed_rows_mut::<3>(3)
         .copy_from(&base.rotation.tr_mul(force));
-    for b in calf(leg) + 1 - JOINTS_PER_LEG..=calf(leg) {
-        if let Joint::Revolute(axis) = tree.bodies()[b].joint {
-            let moment = (point - frames[b].translation).cross(force);
-            all[TRUNK + b - 1] = (frames[b].rotation * axis).dot(&moment);
-        }
+    for b in robot.way(body) {
+        all[TRUNK + b - 1] = match robot.bodies[b].joint {
+            Joint::Revolute(axis) => {
+                let moment = (point - frames[b].translation).cross(force);
+                (frames[b].rotation * axis).dot(&moment)
+            }
+            Joint::Prismatic(axis) => (frames[b].rotation * axis).dot(force),
+            Joint::Free => 0.0,
+        };
     }
     all
 }

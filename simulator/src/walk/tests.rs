@@ -1,13 +1,17 @@
 //! The walk against mechanics: flight, stance, contact, friction; convergence and repeatability.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use proprio_core::go2::LEGS;
+use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG};
 use proprio_core::spatial::Force;
 
-use super::plant::{State, generalised, lowest};
+use super::mechanics::TRUNK;
+use super::plant::{State, generalised};
 use super::walker::STEP;
 use super::*;
-use crate::{Hide, hidden};
+use crate::Hide;
+
+/// A Go2's joints as it stands, rad.
+const STANDING: [f64; 3] = [0.0, 0.8, -1.6];
 
 const GRAVITY: f64 = 9.81;
 
@@ -20,7 +24,11 @@ fn ideal(gait: Gait) -> Walk {
 }
 
 fn with(walk: Walk, effects: &[&str]) -> Walk {
-    let hide = |text: &&str| text.parse::<Hide>().unwrap().on_walker().unwrap();
+    let joints = walk.robot.joints();
+    let hide = |text: &&str| {
+        let hide = Hide::parse(text, &joints).unwrap();
+        hide.on_walker(&joints).unwrap()
+    };
     Walk {
         effects: effects.iter().flat_map(hide).collect(),
         ..walk
@@ -29,8 +37,8 @@ fn with(walk: Walk, effects: &[&str]) -> Walk {
 
 /// In the air, turning and with moving legs.
 fn thrown(height: f64) -> State {
-    let q = Torques::from_fn(|j, _| STANDING[j % JOINTS_PER_LEG] + 0.1 * (j as f64).sin());
-    let mut state = State::new(0.0, height, q);
+    let at = |j, _| STANDING[j % JOINTS_PER_LEG] + 0.1 * (j as f64).sin();
+    let mut state = State::new(0.0, height, Torques::from_fn(JOINTS, at), LEGS);
     state.orientation = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.5);
     state.v.iter_mut().enumerate().for_each(|(n, v)| {
         *v = (1.0 + n as f64).cos() * if n < 6 { 0.8 } else { 2.0 };
@@ -40,13 +48,12 @@ fn thrown(height: f64) -> State {
 
 /// Energy of bodies, rotors, ground and bristles, J; momentum in the world about the whole robot's centre of mass; its velocity, m/s.
 fn stored(walk: &Walk, plant: &Plant, state: &State) -> (f64, Vector3<f64>, Vector3<f64>) {
-    let base = state.base();
-    let k = plant.tree.kinematics(&base, &positions(&state.q), &state.v);
-    let frames = frames(&k);
-    let (kinetic, potential) = plant.tree.energy(&k, &base);
+    let mechanics = &plant.mechanics;
+    let instant = mechanics.at(&state.base(), &state.q, &state.v);
+    let (kinetic, potential) = mechanics.energy(&state.base(), &state.q, &state.v);
     let mut energy = kinetic + potential;
     for leg in 0..LEGS {
-        let depth = -lowest(&frames, leg).z;
+        let depth = plant.meeting(&instant, leg).1.depth;
         energy += plant.ground.energy(depth, &state.bent[leg]);
     }
     let dq = state.dq();
@@ -60,9 +67,9 @@ fn stored(walk: &Walk, plant: &Plant, state: &State) -> (f64, Vector3<f64>, Vect
         }
     }
     let (mut momentum, mut whole) = (Force::zero(), InertialParameters::zero());
-    for (b, frame) in frames.iter().enumerate() {
-        let inertia = &plant.tree.bodies()[b].inertia;
-        let own = frame.act_force(&inertia.momentum(&k.velocity[b]));
+    let bodies = walk.loaded_bodies();
+    for ((inertia, frame), velocity) in bodies.iter().zip(&instant.frames).zip(&instant.velocity) {
+        let own = frame.act_force(&inertia.momentum(velocity));
         momentum.angular += own.angular;
         momentum.linear += own.linear;
         whole = whole + inertia.in_parent(frame);
@@ -80,15 +87,15 @@ fn step(plant: &mut Plant, state: &mut State, tau: &Torques, h: f64) {
 #[test]
 fn what_nothing_touches_keeps_momentum_and_energy() {
     let walk = with(ideal(Gait::Trot), &["coupled_armature=0.004"]);
-    let mut plant = walk.plant();
+    let mut plant = walk.plant().unwrap();
     let mut state = thrown(5.0);
     let (energy, angular, velocity) = stored(&walk, &plant, &state);
     let count = 4000;
     for _ in 0..count {
-        step(&mut plant, &mut state, &Torques::zeros(), STEP);
+        step(&mut plant, &mut state, &Torques::zeros(JOINTS), STEP);
     }
     let after = stored(&walk, &plant, &state);
-    let fall = velocity + plant.tree.gravity() * (f64::from(count) * STEP);
+    let fall = velocity + plant.mechanics.gravity() * (f64::from(count) * STEP);
     assert!((after.0 - energy).abs() < 1e-4, "{energy} {after:?}");
     assert!((after.1 - angular).norm() < 1e-5 * angular.norm());
     assert!((after.2 - fall).norm() < 1e-6, "{fall} {after:?}");
@@ -101,13 +108,13 @@ fn friction_takes_the_power_that_it_says() {
         ideal(Gait::Trot),
         &["load_friction=0.1", "coupled_viscous=0.02"],
     );
-    let mut plant = walk.plant();
+    let mut plant = walk.plant().unwrap();
     let mut state = thrown(5.0);
     let (energy, ..) = stored(&walk, &plant, &state);
     let mut lost = 0.0;
     for _ in 0..4000 {
         let before = state.dq();
-        step(&mut plant, &mut state, &Torques::zeros(), STEP);
+        step(&mut plant, &mut state, &Torques::zeros(JOINTS), STEP);
         let dq = (before + state.dq()) / 2.0;
         for j in 0..JOINTS {
             lost += 0.1 * (plant.transmitted()[j] * dq[j]).abs() * STEP;
@@ -129,14 +136,14 @@ fn friction_takes_the_power_that_it_says() {
 #[test]
 fn bent_bristles_hold_a_joint_and_make_no_energy() {
     let walk = with(ideal(Gait::Trot), &["presliding=0.4,zs=0.05"]);
-    let mut plant = walk.plant();
+    let mut plant = walk.plant().unwrap();
     let mut state = thrown(5.0);
     let (start, ..) = stored(&walk, &plant, &state);
     // Half of F zs: what a bristle that is bent all the way has taken up reversibly, at most.
     let bent = JOINTS as f64 * 0.4 * 0.05;
     let mut energy = start;
     for _ in 0..4000 {
-        step(&mut plant, &mut state, &Torques::zeros(), STEP);
+        step(&mut plant, &mut state, &Torques::zeros(JOINTS), STEP);
         let (after, ..) = stored(&walk, &plant, &state);
         assert!(after < energy + bent, "{energy} J, then {after} J");
         energy = energy.min(after);
@@ -168,14 +175,14 @@ fn a_late_torque_is_that_of_before() {
 #[test]
 fn the_ground_takes_energy_and_gives_none() {
     let walk = with(ideal(Gait::Trot), &["armature=0.01"]);
-    let mut plant = walk.plant();
+    let mut plant = walk.plant().unwrap();
     let mut state = thrown(0.36);
     let (start, ..) = stored(&walk, &plant, &state);
     let mut energy = start;
     let mut touched = 0;
     for _ in 0..32 {
         for _ in 0..80 {
-            step(&mut plant, &mut state, &Torques::zeros(), STEP);
+            step(&mut plant, &mut state, &Torques::zeros(JOINTS), STEP);
             for force in plant.forces() {
                 assert!(force.z >= 0.0 && force.xy().norm() <= 0.9 * force.z * (1.0 + 1e-9));
                 touched += usize::from(force.z > 0.0);
@@ -202,10 +209,10 @@ fn a_standing_robot_weighs_what_its_bodies_do() {
             "payload:base=2,x=0.05,z=0.07",
         ],
     );
-    let mut walker = walk.walker();
+    let mut walker = walk.walker().unwrap();
     walker.advance_to(0.0).unwrap();
     let truth = walker.truth().unwrap();
-    let before = walker.state;
+    let before = walker.state.clone();
     let weight = walk.quantities()[0].value * GRAVITY;
     let carried: f64 = truth.normal.iter().sum();
     assert!(
@@ -218,7 +225,7 @@ fn a_standing_robot_weighs_what_its_bodies_do() {
     assert!((truth.acc - up).norm() < 1e-2);
     // A tenth of a second on, feet and joints are where they were: no motor of a sway moves yet.
     walker.advance_to(0.01).unwrap();
-    assert!((walker.state.q - before.q).amax() < 1e-6);
+    assert!((&walker.state.q - &before.q).amax() < 1e-6);
     assert!((walker.state.position - before.position).norm() < 1e-6);
 }
 
@@ -226,18 +233,19 @@ fn a_standing_robot_weighs_what_its_bodies_do() {
 #[test]
 fn a_joint_that_friction_holds_stays_where_it_is() {
     let walk = with(ideal(Gait::Trot), &["coulomb=0.5"]);
-    let mut state = State::new(0.0, 5.0, Torques::from_fn(|j, _| STANDING[j % 3]));
-    let mut plant = walk.plant();
+    let q = Torques::from_fn(JOINTS, |j, _| STANDING[j % 3]);
+    let mut state = State::new(0.0, 5.0, q, LEGS);
+    let mut plant = walk.plant().unwrap();
     for (torque, moves) in [(0.3, false), (0.8, true)] {
-        let mut tau = Torques::zeros();
+        let mut tau = Torques::zeros(JOINTS);
         tau[2] = torque;
-        let before = state.q;
+        let before = state.q.clone();
         for _ in 0..800 {
             // It falls: no weight is on its joints.
             step(&mut plant, &mut state, &tau, STEP);
         }
         assert_eq!(state.q[2] != before[2], moves);
-        assert_eq!(state.v[6 + 5], 0.0);
+        assert_eq!(state.v[TRUNK + 5], 0.0);
     }
 }
 
@@ -249,11 +257,11 @@ fn half_the_step_tells_the_same() {
             ideal(gait),
             &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
         );
-        let mut walker = walk.walker();
+        let mut walker = walk.walker().unwrap();
         walker.advance_to(1.0).unwrap();
         let tau = walker.truth().unwrap().tau;
         let ends = [1, 2, 4].map(|parts| {
-            let (mut plant, mut state) = (walk.plant(), walker.state);
+            let (mut plant, mut state) = (walk.plant().unwrap(), walker.state.clone());
             for _ in 0..160 * parts {
                 step(&mut plant, &mut state, &tau, STEP / f64::from(parts));
             }
@@ -261,7 +269,7 @@ fn half_the_step_tells_the_same() {
         });
         let off = |a: &State, b: &State| {
             let trunk = (a.position - b.position).norm();
-            trunk.max((a.q - b.q).amax())
+            trunk.max((&a.q - &b.q).amax())
         };
         let (whole, half) = (off(&ends[0], &ends[2]), off(&ends[1], &ends[2]));
         assert!(whole < 1e-4, "{gait:?}: {whole}");
@@ -272,28 +280,24 @@ fn half_the_step_tells_the_same() {
 /// The Jacobian of a foot's force is that of its work: force times velocity of the point is torque times joint velocity.
 #[test]
 fn a_force_works_as_much_at_the_joints_as_at_the_foot() {
-    let plant = ideal(Gait::Trot).plant();
+    let plant = ideal(Gait::Trot).plant().unwrap();
     let state = thrown(0.3);
-    let k = plant
-        .tree
-        .kinematics(&state.base(), &positions(&state.q), &state.v);
-    let frames = frames(&k);
+    let at = |plant: &Plant, state: &State| plant.mechanics.at(&state.base(), &state.q, &state.v);
+    let instant = at(&plant, &state);
     for leg in 0..LEGS {
-        let (point, meeting) = plant.meeting(&k, &frames, leg);
+        let (point, meeting) = plant.meeting(&instant, leg);
         let force = Vector3::new(20.0, -7.0, 50.0);
-        let power = generalised(&plant.tree, &frames, leg, &point, &force).dot(&state.v);
+        let calf = JOINTS_PER_LEG * (leg + 1);
+        let works = generalised(&plant.robot, &instant.frames, calf, &point, &force);
         let velocity = meeting.sliding.push(-meeting.rate);
-        assert!((power - force.dot(&velocity)).abs() < 1e-9);
+        assert!((works.dot(&state.v) - force.dot(&velocity)).abs() < 1e-9);
         // And that velocity is how the point moves.
         let h = 1e-6;
-        let mut later = state;
-        let mut falling = ideal(Gait::Trot).plant();
-        step(&mut falling, &mut later, &Torques::zeros(), h);
-        let moved = falling
-            .tree
-            .kinematics(&later.base(), &positions(&later.q), &later.v);
-        let depth = |f: &[Transform<f64>; BODIES]| -lowest(f, leg).z;
-        let rate = (depth(&super::frames(&moved)) - depth(&frames)) / h;
+        let mut later = state.clone();
+        let mut falling = ideal(Gait::Trot).plant().unwrap();
+        step(&mut falling, &mut later, &Torques::zeros(JOINTS), h);
+        let depth = falling.meeting(&at(&falling, &later), leg).1.depth;
+        let rate = (depth - meeting.depth) / h;
         assert!(
             (rate - meeting.rate).abs() < 1e-3,
             "{rate} {}",
@@ -309,7 +313,7 @@ fn the_imu_reads_how_the_trunk_moves() {
         rate: 4000.0,
         ..ideal(Gait::Flying)
     };
-    let mut walker = walk.walker();
+    let mut walker = walk.walker().unwrap();
     let sampled = |n: f64| 1.5 + n / 4000.0;
     walker.advance_to(sampled(-0.5)).unwrap();
     let at = Vector3::from(go2::IMU);
@@ -317,7 +321,7 @@ fn the_imu_reads_how_the_trunk_moves() {
         let part = |first| -> Vector3<f64> { state.v.fixed_rows::<3>(first).into() };
         state.orientation * (part(3) + part(0).cross(&at))
     };
-    let (before, mut moved) = (walker.state, Vector3::zeros());
+    let (before, mut moved) = (walker.state.clone(), Vector3::zeros());
     let mut turned = before.orientation;
     let count = 400;
     for n in 0..count {
@@ -327,7 +331,7 @@ fn the_imu_reads_how_the_trunk_moves() {
         let truth = walker.truth().unwrap();
         turned *= UnitQuaternion::from_scaled_axis(truth.gyro / 4000.0);
         let acc = walker.state.orientation * truth.acc;
-        moved += (acc + walker.plant.tree.gravity()) / 4000.0;
+        moved += (acc + walker.plant.mechanics.gravity()) / 4000.0;
     }
     walker.advance_to(sampled(f64::from(count) - 0.5)).unwrap();
     let change = velocity(&walker.state) - velocity(&before);
@@ -342,12 +346,13 @@ fn the_imu_reads_how_the_trunk_moves() {
 #[test]
 fn a_seed_gives_one_log_and_another_seed_another() {
     let log = |seed| {
+        let usual = Walk::new(Gait::Trot);
         let walk = Walk {
             duration: 0.3,
             inertia_error: 0.03,
-            effects: hidden::typical(&Leg::ALL),
+            effects: usual.robot.typical(),
             seed,
-            ..Walk::new(Gait::Trot)
+            ..usual
         };
         walk.samples().collect::<Result<Vec<_>, _>>().unwrap()
     };
@@ -370,7 +375,7 @@ fn gaits_are_what_their_names_say() {
             ideal(gait),
             &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
         );
-        let mut walker = walk.walker();
+        let mut walker = walk.walker().unwrap();
         let mut counts = [0; LEGS + 1];
         for n in 0..200 {
             walker.advance_to(1.0 + f64::from(n) / 200.0).unwrap();
@@ -422,14 +427,100 @@ fn the_truth_tells_bodies_loads_and_sensors() {
 
 #[test]
 fn what_cannot_be_hidden_while_walking_is_refused_with_what_can() {
+    let joints = WalkRobot::go2().joints();
     let refused = |text: &str| {
-        let hide: Hide = text.parse().unwrap();
-        hide.on_walker().unwrap_err().to_string()
+        let hide = Hide::parse(text, &joints).unwrap();
+        hide.on_walker(&joints).unwrap_err().to_string()
     };
     let said = refused("backlash=0.002");
     assert!(said.starts_with("backlash cannot be hidden") && said.contains("viscous, coulomb"));
     assert!(refused("base_tilt=0.1").contains("base_tilt"));
     let hide: Hide = "payload:base=2".parse().unwrap();
-    assert!(hide.on(&Leg::ALL).is_err());
+    assert!(hide.on(&go2::Leg::ALL).is_err());
     assert!("coulomb:base=1".parse::<Hide>().is_err());
+}
+
+/// A Go2 of which nothing is known but its tree, on these of its feet.
+fn unknown(feet: Vec<WalkFoot>) -> Result<WalkRobot, WalkError> {
+    let known = WalkRobot::go2();
+    WalkRobot::new(
+        known.bodies.clone(),
+        known.facts().to_vec(),
+        feet,
+        known.imu,
+    )
+}
+
+/// A posture that is found from the tree alone puts each foot on the ground within the joints' stops, and their middle below the centre of mass.
+#[test]
+fn a_robot_stands_of_which_only_the_tree_is_known() {
+    let robot = unknown(WalkRobot::go2().feet).unwrap();
+    assert!((robot.heavier - 1.0).abs() < 1e-12 && (robot.longer - 1.0).abs() < 1e-12);
+    let stance = robot.stance.as_ref().unwrap();
+    let (frames, torque) = mechanics(&robot.bodies).unwrap().held(&stance.q);
+    for (foot, home) in robot.feet.iter().zip(&stance.home) {
+        let place = frames[foot.body].rotation * foot.middle() + frames[foot.body].translation;
+        let off = place - home.push(foot.radius - stance.height);
+        assert!(off.norm() < 1e-3, "{off}");
+    }
+    for (q, facts) in stance.q.iter().zip(robot.facts()) {
+        assert!(
+            *q > facts.limits[0] && *q < facts.limits[1],
+            "{q} {facts:?}"
+        );
+    }
+    // Moments of the weight about the feet's middle.
+    let middle = stance.home.iter().sum::<nalgebra::Vector2<f64>>() / LEGS as f64;
+    let weight = torque[5];
+    let (x, y) = (-torque[1] / weight, torque[0] / weight);
+    assert!(
+        (x - middle.x).abs() < 1e-3 && (y - middle.y).abs() < 1e-3,
+        "{x} {y} {middle}"
+    );
+}
+
+/// Such a robot trots, flies, hops and sways as a Go2 does, and its feet carry its weight on average.
+#[test]
+fn a_robot_walks_of_which_only_the_tree_is_known() {
+    let robot = Arc::new(unknown(WalkRobot::go2().feet).unwrap());
+    for gait in Gait::ALL {
+        let walk = Walk {
+            robot: Arc::clone(&robot),
+            ..with(
+                ideal(gait),
+                &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
+            )
+        };
+        let mut walker = walk.walker().unwrap();
+        let weight = walk.quantities()[0].value * GRAVITY;
+        // Whole steps of every gait in five seconds.
+        let (mut carried, count) = (0.0, 1250);
+        for n in 1..=count {
+            walker.advance_to(1.0 + f64::from(n) / 250.0).unwrap();
+            let forces = walker.plant.on_feet(walker.plant.forces());
+            carried += forces.iter().sum::<f64>() / weight / f64::from(count);
+        }
+        assert!((carried - 1.0).abs() < 0.05, "{gait:?}: {carried}");
+    }
+}
+
+/// What a robot on two feet cannot do is refused with the cause.
+#[test]
+fn a_robot_on_two_feet_needs_flat_ones_and_sways() {
+    let mut feet = WalkRobot::go2().feet;
+    feet.truncate(2);
+    let refused = unknown(feet.clone()).unwrap_err();
+    assert!(matches!(refused, WalkError::Stance { .. }), "{refused}");
+    for foot in &mut feet {
+        let corner = |x, y| foot.points[0] + Vector3::new(x, y, 0.0);
+        foot.points = vec![corner(0.1, 0.05), corner(0.1, -0.05), corner(-0.1, 0.0)];
+    }
+    let walk = Walk {
+        robot: Arc::new(unknown(feet).unwrap()),
+        ..ideal(Gait::Hop)
+    };
+    let last = walk.samples().last();
+    let feet = 2;
+    let gait = Gait::Hop;
+    assert_eq!(last, Some(Err(WalkError::Gait { gait, feet })));
 }

@@ -1,6 +1,7 @@
 //! A whole Go2 that MuJoCo walks (`tests/oracle/mujoco_walk.py`): trunk and legs from encoders, torques, gyro and accelerometer,
 //! through the real command's library and the real command.
 
+mod any_robot;
 mod compared;
 mod feet;
 mod legged;

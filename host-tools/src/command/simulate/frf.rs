@@ -179,7 +179,7 @@ impl Simulate {
                 value,
                 damping,
                 axis,
-            } = parse(&asked.text).unwrap_or_else(|message| refuse(message));
+            } = parse(asked).unwrap_or_else(|message| refuse(message));
             let places = match &joint {
                 Some(joint) => match model.robot().joint(joint) {
                     Ok(joint) => joint..joint + 1,

@@ -124,7 +124,7 @@ impl Simulate {
             }
             hidden
         };
-        self.hide.iter().map(|hide| of(&hide.text)).collect()
+        self.hide.iter().map(of).collect()
     }
 }
 
