@@ -41,6 +41,9 @@ pub const SCHEMA: [u8; 8] = {
     hash
 };
 
+/// Bits per second of a board's host link, 8N1: a rate that serial ports of all systems name. The NUCLEO's clock makes it 0.5 % slow.
+pub const HOST_BAUD: u32 = 921_600;
+
 /// Legs that counters and byte counts speak of, in SDK order.
 pub const LEGS: usize = 4;
 
