@@ -32,6 +32,7 @@ pub async fn run<B: Board, A: Application>(board: B, app: A) -> ! {
         start: Start {
             git: GIT,
             reset,
+            brown_out_level: board.brown_out_level(),
             clock: board.clock(),
             crash,
         },

@@ -1,9 +1,9 @@
 """Runs the image of the NUCLEO-H743ZI2 under Unicorn, byte for byte the one that `proprio flash` writes, beside as much of the chip as it asks for.
 
-    nucleo.py IMAGE SECONDS EVENTS [no-hse]
+    nucleo.py IMAGE SECONDS EVENTS [no-hse] [rsr=HEX] [bor=LEVEL]
 
 EVENTS has lines `time_us line hex`: what a line brings without a pause until then, lines 0 to 3 being the buses of the legs and 4 the host;
-`!2` in place of the bytes is a framing error. Lines of standard output are `time_us hex`, what the board says to the host; the last is a JSON
+`!2` in place of the bytes is a framing error. `rsr` is what RCC_RSR says of the reset, the power's coming unless given, and `bor` the option bytes' BOR_LEV. Lines of standard output are `time_us hex`, what the board says to the host; the last is a JSON
 object: what the watchdog was told, which lights were lit when (µs), and how the run ended.
 
 The registers are those of RM0433, by their names in it. One instruction is taken for one cycle of 400 MHz: what this cannot show are times, the
@@ -35,6 +35,8 @@ TIM5_IRQ, FLASH_IRQ = 50, 4
 HSE = (16, 17)
 READY = [(0, 2), (7, 8), (12, 13), (24, 25), (26, 27), (28, 29)]
 # LD1, LD2, LD3: where a port's bits are set and reset (GPIOx_BSRR), and the pin.
+# RCC_RSR when the power comes: POR, BOR, the pin, both domains, the core (RM0433, 8.7.39 and table 56).
+POWER_ON = 1 << 23 | 1 << 22 | 1 << 21 | 1 << 20 | 1 << 19 | 1 << 17
 LIGHTS = {"green": (0x5802_0418, 0), "yellow": (0x5802_1018, 1), "red": (0x5802_0418, 14)}
 # Where an interrupt returns to.
 RETURN = 0x1FF1_0000
@@ -88,9 +90,9 @@ class Timer:
 class Board:
     """The chip, and what is around it."""
 
-    def __init__(self, image, hse):
+    def __init__(self, image, hse, rsr, bor):
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB, cpu=arm.UC_CPU_ARM_CORTEX_M7)
-        self.hse, self.now, self.pc = hse, 0, 0
+        self.hse, self.rsr, self.bor, self.now, self.pc = hse, rsr, bor, 0, 0
         self.registers, self.enabled, self.pending, self.nested = {}, [0] * 8, set(), []
         self.uarts = [Uart(*place) for place in UARTS]
         self.streams = [Stream(n) for n in range(8)]
@@ -218,8 +220,10 @@ class Board:
             return value & ~0x38 | (value & 7) << 3
         if address in (RCC + 0x70, RCC + 0x74):  # BDCR, CSR: oscillators
             return value & ~2 | (value & 1) << 1
-        if address == RCC + 0xD0:  # RSR: the power came
-            return 1 << 22 | 1 << 21
+        if address == RCC + 0xD0:  # RSR
+            return self.rsr
+        if address == FLASH + 0x1C:  # OPTSR_CUR
+            return self.bor << 2
         if address == PWR + 0x04:  # CSR1: voltage is ready
             return 1 << 13 | self.registers.get(PWR + 0x18, 0xC000) & 0xC000
         if address == PWR + 0x0C:
@@ -297,6 +301,8 @@ class Board:
                 self.keys_before_clocks = [key for _, key in self.watchdog]
             if any(address == port for port, _ in LIGHTS.values()):
                 self.light(address, value)
+            if address == RCC + 0xD0 and value >> 16 & 1:  # RMVF
+                self.rsr = 0
             self.registers[address] = value
 
     def light(self, address, value):
@@ -452,7 +458,8 @@ class Board:
 
 def main():
     image, seconds, events = sys.argv[1:4]
-    board = Board(image, hse="no-hse" not in sys.argv[4:])
+    given = dict(argument.partition("=")[::2] for argument in sys.argv[4:])
+    board = Board(image, hse="no-hse" not in given, rsr=int(given.get("rsr", f"{POWER_ON:x}"), 16), bor=int(given.get("bor", "0")))
     lines = []
     with open(events) as file:
         for line in file:

@@ -9,7 +9,7 @@ use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
     Action, Clock, Counters, DeviceMessage, Estimate, Hello, HostMessage, MAX_FRAME, Positions,
-    Receiver, Request, Sender, SetZero, Zero,
+    Receiver, Request, Reset, Sender, SetZero, Zero,
 };
 use proprio_host::device::image;
 use proprio_host::device::replay::cycle;
@@ -235,6 +235,7 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     run.shows_its_start();
     let hellos = run.hellos();
     assert_eq!(hellos[0].clock, Clock::Crystal);
+    assert_eq!(hellos[0].reset, Reset::Power);
     assert_eq!(hellos[0].zeros, [[Zero::Unknown; 3]; 4]);
     assert_eq!(hellos.last().unwrap().zeros, [[Zero::Absolute; 3]; 4]);
     let counters = run.counters();
@@ -317,4 +318,32 @@ fn the_nucleos_image_starts_without_its_crystal_and_tells_a_zero_that_is_void() 
         Some(&[Zero::Set, Zero::Jumped, Zero::Set]),
         "{zeros:?}"
     );
+}
+
+/// RCC_RSR after each kind of reset (RM0433, table 56), all of which pull the pin and reset the core.
+#[test]
+fn the_nucleos_image_tells_why_it_started() {
+    const EACH: u32 = 1 << 22 | 1 << 17;
+    // Bits of PORRSTF, BORRSTF, SFTRSTF, IWDG1RSTF.
+    let [por, bor, software, watchdog] = [23, 21, 24, 26].map(|bit| 1 << bit);
+    for (flags, level, reset) in [
+        (por | bor, 0, Reset::Power),
+        (bor, 3, Reset::BrownOut),
+        (0, 1, Reset::Pin),
+        (software, 0, Reset::Software),
+        (watchdog, 2, Reset::Watchdog),
+        // A brown-out while the flags of a watchdog's reset were not read.
+        (watchdog | bor, 3, Reset::Watchdog),
+    ] {
+        let [rsr, bor] = [format!("rsr={:x}", EACH | flags), format!("bor={level}")];
+        let Some(run) = Run::new(0.1, &[], &[&rsr, &bor]) else {
+            return;
+        };
+        let hello = run.hellos()[0];
+        assert_eq!(
+            (hello.reset, hello.brown_out_level),
+            (reset, Some(level)),
+            "{rsr}"
+        );
+    }
 }

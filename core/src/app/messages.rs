@@ -61,6 +61,7 @@ impl<T: Real> App<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            brown_out_level: identity.start.brown_out_level,
             clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {

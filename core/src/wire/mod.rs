@@ -111,6 +111,8 @@ pub struct Hello {
     pub board: String<24>,
     /// Why it started.
     pub reset: Reset,
+    /// Below which supply the board resets itself, as the chip's manual counts levels; nothing where it has no such reset.
+    pub brown_out_level: Option<u8>,
     /// What ended the run before, if that was a panic or a fault: where and what, in words; else empty.
     pub crash: String<64>,
     /// What the device can hold.
@@ -138,7 +140,7 @@ pub struct Hello {
 pub enum Reset {
     /// It cannot tell, or none of the following.
     Unknown,
-    /// The power came, or came back after it was low.
+    /// The power came.
     Power,
     /// The reset button, or a programmer.
     Pin,
@@ -146,6 +148,8 @@ pub enum Reset {
     Software,
     /// The watchdog: the firmware had stopped.
     Watchdog,
+    /// The supply fell below the brown-out level, [`Hello::brown_out_level`], and came back.
+    BrownOut,
 }
 
 /// Which clock a board's times are of.

@@ -29,7 +29,8 @@ fn hello() -> Hello {
         },
         load_unit: String::try_from("1234567890123456").unwrap(),
         git: String::try_from("1234567890123456").unwrap(),
-        reset: Reset::Watchdog,
+        reset: Reset::BrownOut,
+        brown_out_level: Some(255),
         clock: Clock::Internal,
         crash: String::try_from(
             [b'x'; 64]

@@ -28,6 +28,10 @@ pub trait Board {
     fn budget(&self) -> u32;
     /// Why it started; `crashed` where the run before left words.
     fn reset(&self, crashed: bool) -> Reset;
+    /// Below which supply it resets itself, as the chip's manual counts levels; nothing where it has no such reset.
+    fn brown_out_level(&self) -> Option<u8> {
+        None
+    }
     /// Which clock its times are of.
     fn clock(&self) -> Clock;
 

@@ -197,8 +197,13 @@ impl View {
         if !hello.crash.is_empty() {
             self.happened(format!("the run before ended: {}", hello.crash));
         }
-        if hello.reset == Reset::Watchdog {
-            self.happened("its watchdog has reset it".to_owned());
+        match (hello.reset, hello.brown_out_level) {
+            (Reset::Watchdog, _) => self.happened("its watchdog has reset it".to_owned()),
+            (Reset::BrownOut, Some(level)) => self.happened(format!(
+                "its supply fell below brown-out level {level} and has reset it"
+            )),
+            (Reset::BrownOut, None) => self.happened("a brown-out has reset it".to_owned()),
+            _ => {}
         }
         if hello.clock == Clock::Internal {
             self.happened(

@@ -82,6 +82,7 @@ impl<T: Real> WalkingApp<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            brown_out_level: identity.start.brown_out_level,
             clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {

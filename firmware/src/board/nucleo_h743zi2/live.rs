@@ -9,6 +9,7 @@ use crate::board::Board;
 use cortex_m::peripheral::DWT;
 use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Flash};
+use embassy_stm32::pac;
 use embassy_stm32::{mode::Async, usart::UartTx};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::Instant;
@@ -79,6 +80,11 @@ impl Board for Nucleo {
 
     fn reset(&self, _: bool) -> Reset {
         self.reset
+    }
+
+    fn brown_out_level(&self) -> Option<u8> {
+        // What an option byte says (RM0433, 4.9.7): 0 to 3. It is set with a programmer.
+        Some(pac::FLASH.optsr_cur().read().bor_lev())
     }
 
     fn clock(&self) -> Clock {

@@ -73,14 +73,15 @@ static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]
 /// What a bus has brought, taken out of its ring.
 static BUS_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 
-/// Why the board started (RM0433, 8.7.39), the most telling flag first: a watchdog or the firmware pulls the reset pin as well.
+/// Why the board started (RM0433, 8.7.39), the most telling flag first: each reset pulls the pin as well, and the power's coming is also a brown-out.
 fn reset_reason() -> Reset {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     match flags {
         flags if flags.iwdg1rstf() || flags.wwdg1rstf() => Reset::Watchdog,
         flags if flags.sftrstf() => Reset::Software,
-        flags if flags.porrstf() || flags.borrstf() => Reset::Power,
+        flags if flags.porrstf() => Reset::Power,
+        flags if flags.borrstf() => Reset::BrownOut,
         flags if flags.pinrstf() => Reset::Pin,
         _ => Reset::Unknown,
     }
