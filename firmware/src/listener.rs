@@ -7,18 +7,21 @@ use crate::stack::HighWater;
 use crate::{GIT, VERSION, crash};
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{DeviceMessage, HostMessage, Losses, MAX_FRAME, Receiver, Reset, Sender};
-use static_cell::ConstStaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 /// Bytes of the host that are looked at together: static, as the budget of the stack has no room for more.
 static FROM_HOST: ConstStaticCell<[u8; 64]> = ConstStaticCell::new([0; 64]);
+/// A frame to the host, and what is known of those from it; static for the same reason.
+static FRAME: ConstStaticCell<[u8; MAX_FRAME]> = ConstStaticCell::new([0; MAX_FRAME]);
+static RECEIVER: StaticCell<Receiver<HostMessage>> = StaticCell::new();
 
 /// The board, the application, and what is between them.
 struct Listener<B, A> {
     board: B,
     app: A,
-    receiver: Receiver<HostMessage>,
+    receiver: &'static mut Receiver<HostMessage>,
     sender: Sender,
-    frame: [u8; MAX_FRAME],
+    frame: &'static mut [u8; MAX_FRAME],
     stack: HighWater,
 }
 
@@ -48,9 +51,9 @@ pub async fn run<B: Board, A: Application>(board: B, app: A) -> ! {
     let mut listener = Listener {
         board,
         app,
-        receiver: Receiver::default(),
+        receiver: RECEIVER.init_with(Receiver::default),
         sender: Sender::default(),
-        frame: [0; MAX_FRAME],
+        frame: FRAME.take(),
         stack: HighWater::new(),
     };
     let from_host = FROM_HOST.take();
@@ -125,7 +128,6 @@ impl<B: Board, A: Application> Listener<B, A> {
 
     /// Says what the board itself has to say.
     fn tell(&mut self, message: &DeviceMessage) {
-        self.board
-            .send(self.sender.encode(message, &mut self.frame));
+        self.board.send(self.sender.encode(message, self.frame));
     }
 }

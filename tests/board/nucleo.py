@@ -119,6 +119,7 @@ class Board:
         """The chip as a reset leaves it, but for its memories."""
         self.registers, self.enabled, self.pending, self.nested = {}, [0] * 8, set(), []
         self.uarts = [Uart(*place) for place in UARTS]
+        self.uart_at = {uart.base: uart for uart in self.uarts}
         self.streams = [Stream(n) for n in range(8)]
         self.dma_flags = [0, 0]
         self.timer = Timer()
@@ -225,19 +226,23 @@ class Board:
         uart = self.uarts[line]
         if not uart.registers.get(0, 0) & 4:
             return
-        for byte in data:
-            uart.received = byte
-            stream = next((s for s in self.streams if s.cr & 1 and s.par == uart.base + 0x24), None)
-            if stream is None:
-                uart.isr |= 0x20
-                continue
-            self.uc.mem_write(stream.m0ar + stream.length - stream.ndtr, bytes([byte]))
-            stream.ndtr -= 1
-            if stream.ndtr == stream.length // 2:
+        uart.received = data[-1]
+        stream = next((s for s in self.streams if s.cr & 1 and s.par == uart.base + 0x24), None)
+        if stream is None:
+            uart.isr |= 0x20
+        while stream and data:
+            # As far as half of the buffer, or all of it.
+            half = stream.length // 2
+            part = data[: stream.ndtr - half if stream.ndtr > half else stream.ndtr]
+            self.uc.mem_write(stream.m0ar + stream.length - stream.ndtr, part)
+            stream.ndtr, data = stream.ndtr - len(part), data[len(part) :]
+            if stream.ndtr == half:
                 self.dma_flag(stream, 0x10)
             if stream.ndtr == 0:
-                stream.ndtr = stream.length if stream.cr & 0x100 else 0
                 self.dma_flag(stream, 0x20)
+                if not stream.cr & 0x100:
+                    break
+                stream.ndtr = stream.length
         self.raise_flags(uart, 0x10)
 
     def dma_error(self, line):
@@ -292,7 +297,7 @@ class Board:
             return self.registers.get(address, 0xC000) | 1 << 13
         if address == 0x5C00_1000:  # DBGMCU_IDC: revision V
             return 0x2003_6450
-        uart = next((u for u in self.uarts if u.base <= address < u.base + 0x400), None)
+        uart = self.uart_at.get(address & ~0x3FF)
         if uart:
             register = address - uart.base
             if register == 0x1C:
@@ -332,7 +337,7 @@ class Board:
         self.write_word(word, value)
 
     def write_word(self, address, value):
-        uart = next((u for u in self.uarts if u.base <= address < u.base + 0x400), None)
+        uart = self.uart_at.get(address & ~0x3FF)
         if uart:
             register = address - uart.base
             if register == 0x20:
@@ -429,8 +434,6 @@ class Board:
 
     # Interrupts.
 
-    KEPT = [arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3, arm.UC_ARM_REG_R12, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_FPSCR] + [arm.UC_ARM_REG_D0 + n for n in range(16)]
-
     def next_interrupt(self):
         """The most urgent that may come now, and its priority."""
         running = self.nested[-1][2] if self.nested else 256
@@ -445,7 +448,8 @@ class Board:
     def enter(self, priority, number):
         self.pending.discard(number)
         self.interrupts += 1
-        kept = [self.uc.reg_read(register) for register in self.KEPT]
+        # All registers, where the core stacks those that a function may change.
+        kept = self.uc.context_save()
         self.nested.append((kept, self.pc, priority, number, self.instructions))
         if self.counting and self.hook is None and len(self.costs.get(number, ())) < COUNTED:
             self.hook = self.uc.hook_add(UC_HOOK_CODE, self.count, begin=0x0800_0000, end=BANK2 - 1)
@@ -459,8 +463,7 @@ class Board:
             self.costs.setdefault(number, []).append(self.instructions - before)
             if not self.nested:
                 self.uncount()
-        for register, value in zip(self.KEPT, kept):
-            self.uc.reg_write(register, value)
+        self.uc.context_restore(kept)
         # A line that is still raised interrupts again.
         for uart in self.uarts:
             if uart.irq == number:

@@ -153,11 +153,13 @@ impl InstructionCounter {
     }
 
     /// Where the counter is.
+    #[inline]
     fn begin(&self) -> u32 {
         SYST::get_current()
     }
 
     /// Instructions since it was at `begin`, up to ten million.
+    #[inline]
     fn since(&self, begin: u32) -> u32 {
         let ticks = begin.wrapping_sub(SYST::get_current()) & SYSTICK_MAX;
         (ticks * SYSTICK_NS) >> INSTRUCTION_NS_LOG2
