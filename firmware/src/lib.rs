@@ -1,16 +1,13 @@
 //! The motor-bus listener's boards.
 //!
-//! A board brings bytes and time to [`proprio_core::app::App`] and carries its messages away. It listens to the motor
-//! buses and never transmits on them.
+//! A [board](board::Board) brings bytes and time, the [loop](listener) hands them to an [application](application), and its messages to the board.
+//! A board listens to the motor buses and never transmits on them.
 #![no_std]
 
 pub mod application;
 pub mod board;
 pub mod crash;
-#[cfg(feature = "mps2-an500")]
-pub mod emulated;
-#[cfg(feature = "nucleo-h743zi2")]
-pub mod live;
+pub mod listener;
 #[cfg(feature = "nucleo-h743zi2")]
 pub mod mounting;
 pub mod stack;

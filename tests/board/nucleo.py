@@ -1,10 +1,12 @@
 """Runs the image of the NUCLEO-H743ZI2 under Unicorn, byte for byte the one that `proprio flash` writes, beside as much of the chip as it asks for.
 
-    nucleo.py IMAGE SECONDS EVENTS [no-hse]
+    nucleo.py IMAGE SECONDS EVENTS [no-hse] [rsr=HEX] [bor=LEVEL] [count]
 
 EVENTS has lines `time_us line hex`: what a line brings without a pause until then, lines 0 to 3 being the buses of the legs and 4 the host;
-`!2` in place of the bytes is a framing error. Lines of standard output are `time_us hex`, what the board says to the host; the last is a JSON
-object: what the watchdog was told, which lights were lit when (µs), and how the run ended.
+`!2` in place of the bytes is a framing error, `!8` an overrun, `dma` an error of the line's DMA; `power` cuts the power for a moment, and `torn` does
+while a word of the flash is written. `rsr` is what RCC_RSR says of the reset, the power's coming unless given, and `bor` the option bytes' BOR_LEV. Lines of standard output are `time_us hex`, what the board says to the host; the last is a JSON
+object: what the watchdog was told, which lights were lit when (µs), what its starts were, with `count` the instructions of each interrupt, and how the
+run ended. A reset by the firmware or the watchdog begins the image anew, with RAM as it was.
 
 The registers are those of RM0433, by their names in it. One instruction is taken for one cycle of 400 MHz: what this cannot show are times, the
 cache and everything electrical. A register that is not modelled keeps what is written to it.
@@ -15,7 +17,7 @@ import struct
 import sys
 
 from elftools.elf.elffile import ELFFile
-from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_HOOK_INTR, UC_HOOK_MEM_INVALID, UC_HOOK_MEM_WRITE, UC_MODE_THUMB, Uc, UcError
+from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_HOOK_INTR, UC_HOOK_MEM_INVALID, UC_HOOK_MEM_READ, UC_HOOK_MEM_WRITE, UC_MODE_THUMB, Uc, UcError
 from unicorn import arm_const as arm
 
 CORE_HZ = 400_000_000
@@ -35,6 +37,14 @@ TIM5_IRQ, FLASH_IRQ = 50, 4
 HSE = (16, 17)
 READY = [(0, 2), (7, 8), (12, 13), (24, 25), (26, 27), (28, 29)]
 # LD1, LD2, LD3: where a port's bits are set and reset (GPIOx_BSRR), and the pin.
+# RCC_RSR when the power comes: POR, BOR, the pin, both domains, the core (RM0433, 8.7.39 and table 56).
+POWER_ON = 1 << 23 | 1 << 22 | 1 << 21 | 1 << 20 | 1 << 19 | 1 << 17
+PIN, SOFTWARE, WATCHDOG = 1 << 22 | 1 << 17, 1 << 24, 1 << 26
+# FLASH_SRx.DBECCERR, and the core's CCR.BFHFNMIGN.
+DOUBLE_ERROR, IGNORE_BUS_FAULTS = 1 << 26, 1 << 8
+LSI_HZ = 32_000
+# Interrupts of a kind whose instructions are counted, each by a hook that costs a millisecond: their costs differ by tens.
+COUNTED = 200
 LIGHTS = {"green": (0x5802_0418, 0), "yellow": (0x5802_1018, 1), "red": (0x5802_0418, 14)}
 # Where an interrupt returns to.
 RETURN = 0x1FF1_0000
@@ -88,17 +98,15 @@ class Timer:
 class Board:
     """The chip, and what is around it."""
 
-    def __init__(self, image, hse):
+    def __init__(self, image, hse, rsr, bor):
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB, cpu=arm.UC_CPU_ARM_CORTEX_M7)
-        self.hse, self.now, self.pc = hse, 0, 0
-        self.registers, self.enabled, self.pending, self.nested = {}, [0] * 8, set(), []
-        self.uarts = [Uart(*place) for place in UARTS]
-        self.streams = [Stream(n) for n in range(8)]
-        self.dma_flags = [0, 0]
-        self.timer = Timer()
-        self.asleep, self.ended = False, None
+        self.hse, self.rsr, self.bor, self.now, self.pc = hse, rsr, bor, 0, 0
+        self.begin()
+        self.ended, self.reset, self.starts = None, None, []
         self.watchdog, self.keys_before_clocks, self.interrupts, self.erased = [], None, 0, 0
         self.lit, self.shown = set(), []
+        self.written, self.torn, self.bus_error = None, set(), False
+        self.counting, self.hook, self.instructions, self.costs = False, None, 0, {}
         for base, size in MEMORY:
             self.uc.mem_map(base, size)
         self.uc.mem_write(0x0800_0000, b"\xff" * (2 << 20))
@@ -106,6 +114,36 @@ class Board:
         for base, size in PERIPHERALS:
             self.uc.mmio_map(base, size, self.read, base, self.write, base)
         self.load(image)
+
+    def begin(self):
+        """The chip as a reset leaves it, but for its memories."""
+        self.registers, self.enabled, self.pending, self.nested = {}, [0] * 8, set(), []
+        self.uarts = [Uart(*place) for place in UARTS]
+        self.uart_at = {uart.base: uart for uart in self.uarts}
+        self.streams = [Stream(n) for n in range(8)]
+        self.dma_flags = [0, 0]
+        self.timer = Timer()
+        self.asleep, self.watchdog_due = False, None
+
+    def start(self):
+        """The core's first instruction."""
+        self.begin()
+        stack, self.pc = struct.unpack("<II", self.uc.mem_read(0x0800_0000, 8))
+        self.uc.reg_write(arm.UC_ARM_REG_SP, stack)
+        self.uc.reg_write(arm.UC_ARM_REG_PRIMASK, 0)
+        self.uc.reg_write(arm.UC_ARM_REG_FPEXC, 1 << 30)
+        self.starts.append([self.now * 1_000_000 // CORE_HZ, f"{self.rsr:x}"])
+
+    def start_anew(self):
+        """After a reset, whose flags are in `reset`; none where the power was off."""
+        if self.hook is not None:
+            self.uncount()
+        self.rsr = self.rsr | PIN | self.reset if self.reset else POWER_ON
+        if not self.reset:
+            for base, size in MEMORY[1:5]:
+                self.uc.mem_write(base, b"\xa5" * size)
+        self.reset = None
+        self.start()
 
     def load(self, image):
         with open(image, "rb") as file:
@@ -123,9 +161,7 @@ class Board:
         self.uc.hook_add(UC_HOOK_MEM_INVALID, self.fault)
         self.uc.hook_add(UC_HOOK_INTR, self.exception)
         self.uc.hook_add(UC_HOOK_MEM_WRITE, self.program, begin=BANK2, end=BANK2 + 8 * SECTOR - 1)
-        stack, self.pc = struct.unpack("<II", self.uc.mem_read(0x0800_0000, 8))
-        self.uc.reg_write(arm.UC_ARM_REG_SP, stack)
-        self.uc.reg_write(arm.UC_ARM_REG_FPEXC, 1 << 30)
+        self.start()
 
     def sleep(self, uc, *_):
         self.asleep = True
@@ -141,8 +177,27 @@ class Board:
 
     # Flash: the second bank is erased and written while the first is executed from.
 
-    def program(self, _uc, _kind, _address, _size, _value, _):
+    def program(self, _uc, _kind, address, _size, _value, _):
+        self.written = address & ~31
         self.flash_done(0x100)
+
+    def tear(self):
+        """The power fails while the last word that was begun is written: what it has is not what its checksum is of (RM0433, 4.7.6)."""
+        if self.written is None:
+            return
+        self.torn.add(self.written)
+        self.uc.mem_write(self.written + 16, b"\xff" * 16)
+        self.uc.hook_add(UC_HOOK_MEM_READ, self.read_torn, begin=self.written, end=self.written + 31)
+
+    def read_torn(self, uc, _kind, address, *_):
+        if address & ~31 not in self.torn:
+            return
+        status = FLASH + 0x110
+        self.registers[status] = self.registers.get(status, 0) | DOUBLE_ERROR
+        masked = uc.reg_read(arm.UC_ARM_REG_FAULTMASK) or uc.reg_read(arm.UC_ARM_REG_PRIMASK)
+        if not (self.registers.get(0xE000_ED14, 0) & IGNORE_BUS_FAULTS and masked):
+            self.ended = f"bus fault: a torn word is read at {uc.reg_read(arm.UC_ARM_REG_PC):#x}"
+            uc.emu_stop()
 
     def flash_done(self, bank):
         status, control = FLASH + bank + 0x10, FLASH + bank + 0x0C
@@ -155,6 +210,7 @@ class Board:
         if value >> 7 & 1 and value >> 2 & 1:
             start = 0x0800_0000 + (BANK2 - 0x0800_0000 if bank else 0) + (value >> 8 & 7) * SECTOR
             self.uc.mem_write(start, b"\xff" * SECTOR)
+            self.torn = {word for word in self.torn if not start <= word < start + SECTOR}
             self.erased += 1
             self.flash_done(bank)
 
@@ -162,7 +218,7 @@ class Board:
 
     def dma_flag(self, stream, bits):
         self.dma_flags[stream.number // 4] |= bits << STREAM_SHIFT[stream.number % 4]
-        if (bits & 0x20 and stream.cr & 0x10) or (bits & 0x10 and stream.cr & 8):
+        if (bits & 0x20 and stream.cr & 0x10) or (bits & 0x10 and stream.cr & 8) or (bits & 8 and stream.cr & 4):
             self.pending.add(STREAM_IRQ[stream.number])
 
     def bring(self, line, data):
@@ -170,20 +226,31 @@ class Board:
         uart = self.uarts[line]
         if not uart.registers.get(0, 0) & 4:
             return
-        for byte in data:
-            uart.received = byte
-            stream = next((s for s in self.streams if s.cr & 1 and s.par == uart.base + 0x24), None)
-            if stream is None:
-                uart.isr |= 0x20
-                continue
-            self.uc.mem_write(stream.m0ar + stream.length - stream.ndtr, bytes([byte]))
-            stream.ndtr -= 1
-            if stream.ndtr == stream.length // 2:
+        uart.received = data[-1]
+        stream = next((s for s in self.streams if s.cr & 1 and s.par == uart.base + 0x24), None)
+        if stream is None:
+            uart.isr |= 0x20
+        while stream and data:
+            # As far as half of the buffer, or all of it.
+            half = stream.length // 2
+            part = data[: stream.ndtr - half if stream.ndtr > half else stream.ndtr]
+            self.uc.mem_write(stream.m0ar + stream.length - stream.ndtr, part)
+            stream.ndtr, data = stream.ndtr - len(part), data[len(part) :]
+            if stream.ndtr == half:
                 self.dma_flag(stream, 0x10)
             if stream.ndtr == 0:
-                stream.ndtr = stream.length if stream.cr & 0x100 else 0
                 self.dma_flag(stream, 0x20)
+                if not stream.cr & 0x100:
+                    break
+                stream.ndtr = stream.length
         self.raise_flags(uart, 0x10)
+
+    def dma_error(self, line):
+        """A transfer error: the stream stops itself."""
+        stream = next((s for s in self.streams if s.cr & 1 and s.par == self.uarts[line].base + 0x24), None)
+        if stream:
+            stream.cr &= ~1
+            self.dma_flag(stream, 8)
 
     def raise_flags(self, uart, flags):
         uart.isr |= flags
@@ -218,8 +285,10 @@ class Board:
             return value & ~0x38 | (value & 7) << 3
         if address in (RCC + 0x70, RCC + 0x74):  # BDCR, CSR: oscillators
             return value & ~2 | (value & 1) << 1
-        if address == RCC + 0xD0:  # RSR: the power came
-            return 1 << 22 | 1 << 21
+        if address == RCC + 0xD0:  # RSR
+            return self.rsr
+        if address == FLASH + 0x1C:  # OPTSR_CUR
+            return self.bor << 2
         if address == PWR + 0x04:  # CSR1: voltage is ready
             return 1 << 13 | self.registers.get(PWR + 0x18, 0xC000) & 0xC000
         if address == PWR + 0x0C:
@@ -228,7 +297,7 @@ class Board:
             return self.registers.get(address, 0xC000) | 1 << 13
         if address == 0x5C00_1000:  # DBGMCU_IDC: revision V
             return 0x2003_6450
-        uart = next((u for u in self.uarts if u.base <= address < u.base + 0x400), None)
+        uart = self.uart_at.get(address & ~0x3FF)
         if uart:
             register = address - uart.base
             if register == 0x1C:
@@ -268,7 +337,7 @@ class Board:
         self.write_word(word, value)
 
     def write_word(self, address, value):
-        uart = next((u for u in self.uarts if u.base <= address < u.base + 0x400), None)
+        uart = self.uart_at.get(address & ~0x3FF)
         if uart:
             register = address - uart.base
             if register == 0x20:
@@ -285,18 +354,24 @@ class Board:
             self.write_nvic(address - 0xE000_E100, value)
         elif address == IWDG1:
             self.watchdog.append((self.now, value & 0xFFFF))
+            if value & 0xFFFF in (0xAAAA, 0xCCCC):
+                # Of the registers' first values, where it is not told otherwise (RM0433, 46.4).
+                divisor, reload = 4 << (self.registers.get(IWDG1 + 4, 0) & 7), self.registers.get(IWDG1 + 8, 0xFFF)
+                self.watchdog_due = self.now + (reload + 1) * divisor * CORE_HZ // LSI_HZ
         elif address in (FLASH + 0x0C, FLASH + 0x10C):
             self.flash_control(address - FLASH - 0x0C, value)
         elif address in (FLASH + 0x14, FLASH + 0x114):
             self.registers[address - 4] = self.registers.get(address - 4, 0) & ~value
         elif address == 0xE000_ED0C and value >> 16 == 0x05FA and value & 4:
-            self.ended = "reset by the firmware"
+            self.reset = SOFTWARE
             self.uc.emu_stop()
         else:
             if address == RCC and value >> 16 & 1 and self.keys_before_clocks is None:
                 self.keys_before_clocks = [key for _, key in self.watchdog]
             if any(address == port for port, _ in LIGHTS.values()):
                 self.light(address, value)
+            if address == RCC + 0xD0 and value >> 16 & 1:  # RMVF
+                self.rsr = 0
             self.registers[address] = value
 
     def light(self, address, value):
@@ -359,8 +434,6 @@ class Board:
 
     # Interrupts.
 
-    KEPT = [arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3, arm.UC_ARM_REG_R12, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_SP, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_FPSCR] + [arm.UC_ARM_REG_D0 + n for n in range(16)]
-
     def next_interrupt(self):
         """The most urgent that may come now, and its priority."""
         running = self.nested[-1][2] if self.nested else 256
@@ -375,20 +448,46 @@ class Board:
     def enter(self, priority, number):
         self.pending.discard(number)
         self.interrupts += 1
-        kept = [self.uc.reg_read(register) for register in self.KEPT]
-        self.nested.append((kept, self.pc, priority, number))
+        # All registers, where the core stacks those that a function may change.
+        kept = self.uc.context_save()
+        self.nested.append((kept, self.pc, priority, number, self.instructions))
+        if self.counting and self.hook is None and len(self.costs.get(number, ())) < COUNTED:
+            self.hook = self.uc.hook_add(UC_HOOK_CODE, self.count, begin=0x0800_0000, end=BANK2 - 1)
         self.uc.reg_write(arm.UC_ARM_REG_SP, (self.uc.reg_read(arm.UC_ARM_REG_SP) - 104) & ~7)
         self.uc.reg_write(arm.UC_ARM_REG_LR, RETURN | 1)
         (self.pc,) = struct.unpack("<I", self.uc.mem_read(0x0800_0000 + 64 + 4 * number, 4))
 
     def leave(self):
-        kept, self.pc, _, number = self.nested.pop()
-        for register, value in zip(self.KEPT, kept):
-            self.uc.reg_write(register, value)
+        kept, self.pc, _, number, before = self.nested.pop()
+        if self.hook is not None:
+            self.costs.setdefault(number, []).append(self.instructions - before)
+            if not self.nested:
+                self.uncount()
+        self.uc.context_restore(kept)
         # A line that is still raised interrupts again.
         for uart in self.uarts:
             if uart.irq == number:
                 self.raise_flags(uart, 0)
+
+    def count(self, *_):
+        self.instructions += 1
+
+    def uncount(self):
+        self.uc.hook_del(self.hook)
+        self.hook = None
+
+    def happen(self, line, what):
+        """An event of `EVENTS`."""
+        if isinstance(what, bytes):
+            self.bring(line, what)
+        elif isinstance(what, int):
+            self.raise_flags(self.uarts[line], what)
+        elif what == "dma":
+            self.dma_error(line)
+        else:
+            if what == "torn":
+                self.tear()
+            self.reset = 0
 
     def run(self, seconds, events):
         done = 0
@@ -396,10 +495,11 @@ class Board:
             while done < len(events) and events[done][0] <= self.now:
                 _, line, what = events[done]
                 done += 1
-                if isinstance(what, int):
-                    self.raise_flags(self.uarts[line], what)
-                else:
-                    self.bring(line, what)
+                self.happen(line, what)
+            if self.watchdog_due is not None and self.now > self.watchdog_due:
+                self.reset = WATCHDOG
+            if self.reset is not None:
+                self.start_anew()
             if self.timer.update(self.now):
                 self.pending.add(TIM5_IRQ)
             interrupt = self.next_interrupt()
@@ -445,6 +545,8 @@ class Board:
             "pets": len(pets),
             "longest_pause_ms": max(pauses, default=0) / CORE_HZ * 1e3,
             "interrupts": self.interrupts,
+            "interrupt_instructions": {number: [len(costs), sum(costs) / len(costs), max(costs)] for number, costs in self.costs.items()},
+            "starts": self.starts,
             "sectors_erased": self.erased,
             "lights": self.shown,
         }
@@ -452,12 +554,17 @@ class Board:
 
 def main():
     image, seconds, events = sys.argv[1:4]
-    board = Board(image, hse="no-hse" not in sys.argv[4:])
+    given = dict(argument.partition("=")[::2] for argument in sys.argv[4:])
+    board = Board(image, hse="no-hse" not in given, rsr=int(given.get("rsr", f"{POWER_ON:x}"), 16), bor=int(given.get("bor", "0")))
+    board.counting = "count" in given
     lines = []
     with open(events) as file:
         for line in file:
             time_us, bus, what = line.split()
-            what = int(what[1:]) if what.startswith("!") else bytes.fromhex(what)
+            if what.startswith("!"):
+                what = int(what[1:])
+            elif what not in ("dma", "power", "torn"):
+                what = bytes.fromhex(what)
             lines.append((int(float(time_us) * CORE_HZ / 1e6), int(bus), what))
     lines.sort(key=lambda line: line[0])
     board.run(float(seconds), lines)

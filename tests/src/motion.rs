@@ -50,6 +50,15 @@ pub fn sample_of(
     }
 }
 
+/// The first sample at which a leg's hip is out, where its zero is to be set (docs/which-leg.md): at a hip's 0 the leg of the other side is the same as
+/// a hip that counts the other way.
+pub fn hip_out(which: Leg) -> u64 {
+    // Of swings of 0.42 rad; within 4 s each hip has been there.
+    const OUT: f64 = 0.3;
+    let out = |n: &u64| sample(which, *n).q[0].abs() > OUT;
+    (0..2_000).find(out).unwrap_or_default()
+}
+
 /// The n-th sample of a leg that cannot be: friction drives its joints, and its calf is pulled up by more than it weighs.
 pub fn impossible(which: Leg, n: u64) -> Sample<f64, JOINTS_PER_LEG> {
     let leg = leg::<f64>(which);

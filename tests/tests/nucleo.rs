@@ -1,15 +1,16 @@
 //! The NUCLEO's own image, that which `proprio flash` writes, under Unicorn (`tests/board/nucleo.py`): what its buses bring becomes what the
-//! application makes of the same bytes in this process; it starts without its crystal; a zero that is void is told.
+//! application makes of the same bytes in this process; it starts without its crystal; a zero that is void is told; faults of its lines, its power and its
+//! flash are survived, and counted.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use proprio_core::app::{App, Identity, Memory, Start};
-use proprio_core::go2::Leg;
+use proprio_core::go2::{ACTUATORS, Leg};
 use proprio_core::wire::{
-    Action, Clock, Counters, DeviceMessage, Estimate, Hello, HostMessage, MAX_FRAME, Positions,
-    Receiver, Request, Sender, SetZero, Zero,
+    self, Action, Clock, Counters, DeviceMessage, Estimate, Hello, HostMessage, Kept, MAX_FRAME,
+    Positions, Receiver, Request, Reset, Sender, SetZero, Wiring, Zero,
 };
 use proprio_host::device::image;
 use proprio_host::device::replay::cycle;
@@ -28,6 +29,9 @@ const HOST: usize = 4;
 
 /// What comes on a line until a time, µs.
 struct Event(u64, usize, Vec<u8>);
+
+/// A fault at a time, µs, on a line, as `nucleo.py` names it.
+struct Fault(u64, usize, &'static str);
 
 /// The frames of a polling cycle that begins at `time_us`, with the times of their last bytes.
 fn frames(line: usize, bytes: &[u8], mut time_us: u64) -> Vec<Event> {
@@ -58,24 +62,34 @@ fn python() -> Option<PathBuf> {
 struct Run {
     messages: Vec<DeviceMessage>,
     report: Value,
+    /// Frames that were damaged, and that never came.
+    losses: (u32, u32),
 }
 
 impl Run {
-    /// Runs the image; none where Unicorn is not installed.
+    /// Runs the image, which does not start anew and loses nothing; none where Unicorn is not installed.
     fn new(seconds: f64, events: &[Event], extra: &[&str]) -> Option<Self> {
+        let run = Self::with(seconds, events, &[], extra)?;
+        assert_eq!(run.losses, (0, 0));
+        assert_eq!(run.starts_us().len(), 1, "{}", run.report);
+        Some(run)
+    }
+
+    /// Runs the image with faults; none where Unicorn is not installed.
+    fn with(seconds: f64, events: &[Event], faults: &[Fault], extra: &[&str]) -> Option<Self> {
         let Some(python) = python() else {
             println!("skipped: pip install -r tests/board/requirements.txt");
             return None;
         };
         let image = image::build_nucleo(false).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let lines: String = events
-            .iter()
-            .map(|Event(time_us, line, bytes)| {
-                let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-                format!("{time_us} {line} {hex}\n")
-            })
-            .collect();
+        let events = events.iter().map(|Event(time_us, line, bytes)| {
+            let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            format!("{time_us} {line} {hex}\n")
+        });
+        let faults = faults.iter();
+        let faults = faults.map(|Fault(time_us, line, what)| format!("{time_us} {line} {what}\n"));
+        let lines: String = events.chain(faults).collect();
         let file = folder.path().join("events");
         fs::write(&file, lines).unwrap();
         let harness = Path::new(env!("CARGO_MANIFEST_DIR")).join("board/nucleo.py");
@@ -100,12 +114,13 @@ impl Run {
             let (_, hex) = line.split_once(' ').unwrap();
             for pair in hex.as_bytes().chunks(2) {
                 let byte = u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
-                if let Some(message) = receiver.push(byte) {
-                    messages.push(message.unwrap());
+                // A frame that the power has cut is counted.
+                if let Some(Ok(message)) = receiver.push(byte) {
+                    messages.push(message);
                 }
             }
         }
-        assert_eq!((receiver.bad(), receiver.missed()), (0, 0));
+        let losses = (receiver.bad(), receiver.missed());
         let report: Value = serde_json::from_str(report).unwrap();
         assert_eq!(report["ended"], Value::Null);
         assert_eq!(report["watchdog_before_clocks"], true);
@@ -113,7 +128,20 @@ impl Run {
             report["longest_pause_ms"].as_f64().unwrap() < 100.0,
             "{report}"
         );
-        Some(Self { messages, report })
+        Some(Self {
+            messages,
+            report,
+            losses,
+        })
+    }
+
+    /// When the image was started, µs.
+    fn starts_us(&self) -> Vec<u64> {
+        let starts = self.report["starts"].as_array().unwrap();
+        starts
+            .iter()
+            .map(|start| start[0].as_u64().unwrap())
+            .collect()
     }
 
     /// Checks that the lights show each stage of the start in its order, and then that steps are done.
@@ -139,11 +167,7 @@ impl Run {
     }
 
     fn hellos(&self) -> Vec<&Hello> {
-        let hellos = self.messages.iter().filter_map(|message| match message {
-            DeviceMessage::Hello(hello) => Some(hello),
-            _ => None,
-        });
-        hellos.collect()
+        hellos_of(&self.messages)
     }
 
     fn counters(&self) -> Counters {
@@ -157,6 +181,14 @@ impl Run {
             });
         counters.unwrap()
     }
+}
+
+fn hellos_of(messages: &[DeviceMessage]) -> Vec<&Hello> {
+    let hellos = messages.iter().filter_map(|message| match message {
+        DeviceMessage::Hello(hello) => Some(hello),
+        _ => None,
+    });
+    hellos.collect()
 }
 
 /// A host's requests as one piece of its line.
@@ -235,6 +267,7 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     run.shows_its_start();
     let hellos = run.hellos();
     assert_eq!(hellos[0].clock, Clock::Crystal);
+    assert_eq!(hellos[0].reset, Reset::Power);
     assert_eq!(hellos[0].zeros, [[Zero::Unknown; 3]; 4]);
     assert_eq!(hellos.last().unwrap().zeros, [[Zero::Absolute; 3]; 4]);
     let counters = run.counters();
@@ -317,4 +350,296 @@ fn the_nucleos_image_starts_without_its_crystal_and_tells_a_zero_that_is_void() 
         Some(&[Zero::Set, Zero::Jumped, Zero::Set]),
         "{zeros:?}"
     );
+}
+
+/// RCC_RSR after each kind of reset (RM0433, table 56), all of which pull the pin and reset the core.
+#[test]
+fn the_nucleos_image_tells_why_it_started() {
+    const EACH: u32 = 1 << 22 | 1 << 17;
+    // Bits of PORRSTF, BORRSTF, SFTRSTF, IWDG1RSTF.
+    let [por, bor, software, watchdog] = [23, 21, 24, 26].map(|bit| 1 << bit);
+    for (flags, level, reset) in [
+        (por | bor, 0, Reset::Power),
+        (bor, 3, Reset::BrownOut),
+        (0, 1, Reset::Pin),
+        (software, 0, Reset::Software),
+        (watchdog, 2, Reset::Watchdog),
+        // A brown-out while the flags of a watchdog's reset were not read.
+        (watchdog | bor, 3, Reset::Watchdog),
+    ] {
+        let [rsr, bor] = [format!("rsr={:x}", EACH | flags), format!("bor={level}")];
+        let Some(run) = Run::new(0.1, &[], &[&rsr, &bor]) else {
+            return;
+        };
+        let hello = run.hellos()[0];
+        assert_eq!(
+            (hello.reset, hello.brown_out_level),
+            (reset, Some(level)),
+            "{rsr}"
+        );
+    }
+}
+
+/// Interrupts that the board uses, by name: the buses' UARTs, DMA1's streams, the clock.
+const INTERRUPTS: [(&str, &[u32]); 3] = [
+    ("interrupt_uart", &[38, 52, 53, 82]),
+    ("interrupt_dma", &[11, 12, 13, 14, 15, 16]),
+    ("interrupt_clock", &[50]),
+];
+
+/// Framing errors of one bus, overruns of the next, a storm of single bytes on the third, garbage from the host: each is counted, none touches the bus
+/// that has none, and no interrupt costs more than its budget.
+#[test]
+fn faults_of_lines_stay_with_their_lines_and_are_counted() {
+    const CYCLES: u64 = 800;
+    const FAULTS: u64 = 20;
+    // A storm for 0.2 s, in which that bus has no cycles.
+    const STORM: std::ops::Range<u64> = 500..600;
+    const STORM_BYTE_US: u64 = 10;
+    let mut sender = Sender::default();
+    let positions = Action::SetPositions(Positions::Absolute);
+    let mut events = vec![asked(ASKED_US, &mut sender, 1, &[positions])];
+    for n in 0..CYCLES {
+        for leg in Leg::ALL {
+            if leg == Leg::RL && STORM.contains(&n) {
+                continue;
+            }
+            let begin_us = FIRST_US + n * motion::SAMPLE_US + 37 * leg.index() as u64;
+            let bytes = cycle(leg, &motion::sample(leg, n)).unwrap();
+            events.extend(frames(leg.index(), &bytes, begin_us));
+        }
+    }
+    let storm_us = STORM.map(|n| FIRST_US + n * motion::SAMPLE_US);
+    let storm_us: Vec<u64> = storm_us
+        .flat_map(|us| (us..us + motion::SAMPLE_US).step_by(STORM_BYTE_US as usize))
+        .collect();
+    events.extend(
+        storm_us
+            .iter()
+            .map(|us| Event(*us, Leg::RL.index(), vec![0xFE])),
+    );
+    let garbage: Vec<u8> = (0..600u32).map(|n| (n * n % 251) as u8).collect();
+    events.push(Event(FIRST_US + 700_000, HOST, garbage));
+    let each = |line: usize, what| {
+        (0..FAULTS).map(move |n| Fault(FIRST_US + 300_000 + n * 20_000 + 900, line, what))
+    };
+    let faults: Vec<Fault> = each(1, "!2").chain(each(2, "!8")).collect();
+    let end_us = FIRST_US + CYCLES * motion::SAMPLE_US + 100_000;
+    let Some(run) = Run::with(end_us as f64 * 1e-6, &events, &faults, &["count"]) else {
+        return;
+    };
+    assert_eq!(run.losses, (0, 0));
+    assert_eq!(run.starts_us().len(), 1, "{}", run.report);
+    let counters = run.counters();
+    println!("{:?} {:?}", counters.buses, counters.legs);
+    let [fr, fl, rr, rl] = counters.legs;
+    // Until the schedule is learnt some cycles are none.
+    assert!(u64::from(fr.samples) + 8 > CYCLES, "{fr:?}");
+    assert_eq!(
+        (fr.bad_crc, fr.short, fr.skipped_bytes, fr.rejected),
+        (0, 0, 0, 0)
+    );
+    // The bytes of a tick, of three frames at most, are lost with an error.
+    for leg in [fl, rr] {
+        assert!(u64::from(leg.samples) + 8 + 3 * FAULTS > CYCLES, "{leg:?}");
+    }
+    assert!(u64::from(rl.samples) + 16 + 100 > CYCLES, "{rl:?}");
+    let stray = rl.skipped_bytes + rl.lost_bytes;
+    assert!(u64::from(stray) + 64 >= storm_us.len() as u64, "{rl:?}");
+    let [fr, fl, rr, rl] = counters.buses;
+    assert_eq!(
+        (fr.errors, fr.overruns, fl.overruns, rr.errors),
+        (0, 0, 0, 0)
+    );
+    assert_eq!(
+        (u64::from(fl.errors), u64::from(rr.overruns)),
+        (FAULTS, FAULTS)
+    );
+    assert_eq!((rl.errors, rl.overruns), (0, 0));
+    assert!(counters.host_frames_bad > 0);
+    assert_eq!(counters.load.over_budget, 0);
+    let budgets = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../budgets.toml"));
+    let budgets: toml::Table = budgets.unwrap().parse().unwrap();
+    for (name, numbers) in INTERRUPTS {
+        let costs =
+            |number: &u32| run.report["interrupt_instructions"][number.to_string()][2].as_u64();
+        let worst = numbers
+            .iter()
+            .filter_map(costs)
+            .max()
+            .expect("it was taken");
+        let target = budgets["target"][name].as_integer().unwrap() as u64;
+        println!("{name}: {worst} instructions at most, {target} allowed");
+        assert!(
+            worst <= target,
+            "{name}: {worst} instructions, {target} allowed"
+        );
+    }
+}
+
+/// What was kept comes back after the power was off, also where it failed while a word of the next snapshot was written, which reading makes a bus fault;
+/// an error of DMA, which nothing can mend, starts the board anew.
+#[test]
+fn the_nucleos_image_survives_its_power_and_its_flash() {
+    // A leg at rest is waited for 2.5 s, then its words take 0.25 s.
+    const KEPT_US: u64 = 14_000_000;
+    const TORN_US: u64 = KEPT_US + 2_750_000;
+    const DMA_US: u64 = TORN_US + 250_000;
+    let positions = Action::SetPositions(Positions::Absolute);
+    let events = [
+        asked(ASKED_US, &mut Sender::default(), 1, &[positions]),
+        asked(
+            KEPT_US + 100_000,
+            &mut Sender::default(),
+            2,
+            &[Action::SetMemory(60), Action::Keep],
+        ),
+    ];
+    let faults = [
+        Fault(KEPT_US, HOST, "power"),
+        Fault(TORN_US, HOST, "torn"),
+        Fault(DMA_US, 1, "dma"),
+    ];
+    let Some(run) = Run::with(17.4, &events, &faults, &[]) else {
+        return;
+    };
+    let starts = run.starts_us();
+    assert_eq!(starts.len(), 4, "{}", run.report);
+    assert!(starts[3] < DMA_US + 1_000, "{starts:?}");
+    // The sector of the first snapshot, and that of the second.
+    assert_eq!(run.report["sectors_erased"], 2);
+    let hellos = run.hellos();
+    let mut starts = hellos
+        .iter()
+        .map(|hello| (hello.reset, hello.kept, !hello.crash.is_empty()))
+        .collect::<Vec<_>>();
+    starts.dedup();
+    assert_eq!(
+        starts,
+        [
+            (Reset::Power, Kept::Nothing, false),
+            (Reset::Power, Kept::Restored, false),
+            (Reset::Software, Kept::Restored, true),
+        ]
+    );
+    // That positions are angles is the host's word at each start.
+    assert_eq!(hellos.last().unwrap().zeros, [[Zero::Unknown; 3]; 4]);
+}
+
+/// What the hellos say of a leg's zeros and wiring, one after the other.
+fn states_of(messages: &[DeviceMessage], leg: usize) -> Vec<([Zero; 3], Wiring)> {
+    let mut states: Vec<_> = hellos_of(messages)
+        .iter()
+        .map(|hello| (hello.zeros[leg], hello.wiring[leg]))
+        .collect();
+    states.dedup();
+    states
+}
+
+/// The buses of a minute: legs that rest while their zeros are set, then move, each with a fault of its own.
+fn a_minute(events: &mut Vec<Event>) {
+    const CYCLES: u64 = 30_000;
+    const RESTING: u64 = 250;
+    // All legs are known to be right by then.
+    const FAULT: u64 = 15_000;
+    // The calf's motor is off for 0.3 s.
+    const OFF: u64 = 150;
+    // One frame of FR in so many loses its last byte, which the next frame's first byte completes.
+    const CUT: usize = 97;
+    let mut sender = Sender::default();
+    let mut placed = Vec::new();
+    for (leg, which) in (0..).zip(Leg::ALL) {
+        let begins = motion::hip_out(which);
+        let rest = motion::sample(which, begins);
+        placed.extend((0..).zip(rest.q).map(|(joint, q)| {
+            let angle = q as f32;
+            Action::SetZero(SetZero {
+                leg,
+                joint,
+                angle,
+                reversed: false,
+            })
+        }));
+        for n in 0..CYCLES {
+            let mut sample = motion::sample(which, begins + n.saturating_sub(RESTING));
+            if n < RESTING {
+                sample.dq = [0.0; 3];
+            }
+            let faulty = n >= FAULT;
+            match which {
+                // The thigh loses a turn of its rotor.
+                Leg::FR if faulty => sample.q[1] -= std::f64::consts::TAU / ACTUATORS[1].gear,
+                // The motors of hip and thigh answer in each other's place.
+                Leg::FL if faulty => {
+                    for values in [&mut sample.q, &mut sample.dq, &mut sample.tau] {
+                        values.swap(0, 1);
+                    }
+                }
+                // The calf's motor restarts, and counts from where it is.
+                Leg::RR if faulty => {
+                    sample.q[2] -= motion::sample(which, begins + FAULT - RESTING).q[2]
+                }
+                // The thigh's motor turns against its joint.
+                Leg::RL => {
+                    sample.q[1] = 2.0 * rest.q[1] - sample.q[1];
+                    sample.dq[1] = -sample.dq[1];
+                    sample.tau[1] = -sample.tau[1];
+                }
+                _ => {}
+            }
+            let bytes = cycle(which, &sample).unwrap();
+            let begin_us = FIRST_US + n * motion::SAMPLE_US + 37 * which.index() as u64;
+            let mut frames = frames(which.index(), &bytes, begin_us);
+            if which == Leg::RR && (FAULT..FAULT + OFF).contains(&n) {
+                frames.truncate(4);
+            }
+            for (k, Event(.., bytes)) in (6 * n as usize..).zip(&mut frames) {
+                if which == Leg::FR && !faulty && k % CUT == 0 {
+                    bytes.pop();
+                }
+            }
+            events.extend(frames);
+        }
+    }
+    events.push(asked(FIRST_US + 300_000, &mut sender, 1, &placed));
+    events.sort_by_key(|event| event.0);
+}
+
+/// A minute of the board's time, in which each leg has a fault of its robot: the board names what the application in this process does.
+#[test]
+fn a_minute_of_the_nucleos_image_names_the_faults_of_four_legs() {
+    let mut events = Vec::new();
+    a_minute(&mut events);
+    let end_us = events.last().unwrap().0 + 1_000_000;
+    let Some(run) = Run::new(end_us as f64 * 1e-6, &events, &[]) else {
+        return;
+    };
+    let plain = in_process(&events, 30_000, end_us);
+    let right = ([Zero::Set; 3], Wiring::Right);
+    for messages in [&run.messages, &plain] {
+        let [fr, fl, rr, rl] = [0, 1, 2, 3].map(|leg| states_of(messages, leg));
+        for (leg, zero) in [
+            (&fr, Zero::Jumped),
+            (&fl, Zero::Exchanged),
+            (&rr, Zero::Silent),
+        ] {
+            assert!(leg.contains(&right), "{leg:?}");
+            assert!(leg.last().unwrap().0.contains(&zero), "{leg:?}");
+        }
+        let reversed = Wiring::Fault(wire::Fault::Reversed { joint: 1 });
+        assert_eq!(rl.last(), Some(&([Zero::Set; 3], reversed)), "{rl:?}");
+        // A leg's estimates end with its fault; one that never was right has none.
+        assert_eq!(estimates_of(messages, 3).count(), 0);
+    }
+    for leg in 0..4 {
+        assert_eq!(
+            states_of(&run.messages, leg),
+            states_of(&plain, leg),
+            "leg {leg}"
+        );
+    }
+    let counters = run.counters();
+    assert_eq!(counters.load.over_budget, 0);
+    assert_eq!(counters.frames_dropped, 0);
+    println!("{:?}", counters.load);
 }

@@ -29,6 +29,8 @@ pub struct Start {
     pub git: &'static str,
     /// Why it started.
     pub reset: Reset,
+    /// Below which supply it resets itself, as the chip's manual counts levels; nothing where it has no such reset.
+    pub brown_out_level: Option<u8>,
     /// Which clock its times are of.
     pub clock: Clock,
     /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
@@ -40,6 +42,7 @@ impl Start {
     pub const UNKNOWN: Self = Self {
         git: "",
         reset: Reset::Unknown,
+        brown_out_level: None,
         clock: Clock::Unknown,
         crash: "",
     };

@@ -7,8 +7,8 @@ use crate::Real;
 use crate::estimator::{Active, COLUMNS, DEFAULT_ACTIVE, LEG_INERTIAL, MAX_EFFECTS};
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::wire::{
-    self, Capacities, Counters, DeviceMessage, EffectAt, Estimate, Hello, LegCounters, SCHEMA,
-    Solution,
+    self, Capacities, Counters, DeviceMessage, EffectAt, Estimate, HEARS, Hello, LegCounters, SAYS,
+    SCHEMA, Solution,
 };
 use heapless::{String, Vec};
 
@@ -58,9 +58,12 @@ impl<T: Real> App<T> {
         Hello {
             schema: SCHEMA,
             firmware: text(identity.firmware),
+            says: Vec::from_array(SAYS),
+            hears: Vec::from_array(HEARS),
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            brown_out_level: identity.start.brown_out_level,
             clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {

@@ -8,7 +8,7 @@ use heapless::String;
 use postcard::ser_flavors::{Flavor, crc::CrcModifier};
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{DeviceMessage, HostMessage, SCHEMA};
+use super::{DeviceMessage, HostMessage, Peer, SCHEMA};
 
 /// Bytes that the largest message takes on the wire; a test fills every field.
 pub const MAX_FRAME: usize = 672;
@@ -27,7 +27,9 @@ pub enum WireError {
     Crc,
     /// Its CRC is right and it is no message: the peer speaks otherwise.
     Malformed,
-    /// The device was built from other messages.
+    /// It is whole, and of a kind whose layout is another one at the device: [`Peer`]. Nothing was lost on the way.
+    OtherLayout,
+    /// The device was built from other messages, its hello included.
     Incompatible {
         /// The schema it named.
         theirs: [u8; 8],
@@ -43,6 +45,7 @@ impl core::fmt::Display for WireError {
             Self::Cut => f.write_str("frame cut short"),
             Self::Crc => f.write_str("frame with a wrong checksum"),
             Self::Malformed => f.write_str("frame that holds no known message"),
+            Self::OtherLayout => f.write_str("message whose layout is another one at the device"),
             Self::Incompatible { theirs, firmware } => write!(
                 f,
                 "the device's firmware {firmware} speaks schema {:016x}, this program {} schema {:016x}",
@@ -58,29 +61,28 @@ impl core::error::Error for WireError {}
 
 /// A [`DeviceMessage`] or a [`HostMessage`].
 pub trait Message: Serialize + DeserializeOwned + private::Sealed {
-    /// Looks at a message's bytes before they are read as one.
+    /// Looks at a message's bytes before they are read as one; whether they may end early, what they lack being zeros.
     ///
     /// # Errors
-    /// [`WireError::Incompatible`] if they name another schema.
-    fn check(bytes: &[u8]) -> Result<(), WireError>;
+    /// [`WireError::Incompatible`] and [`WireError::OtherLayout`] if their layout is another one.
+    fn check(bytes: &[u8], peer: &mut Peer) -> Result<bool, WireError>;
 }
 
 impl Message for HostMessage {
-    fn check(_: &[u8]) -> Result<(), WireError> {
-        Ok(())
+    fn check(_: &[u8], _: &mut Peer) -> Result<bool, WireError> {
+        Ok(false)
     }
 }
 
 impl Message for DeviceMessage {
-    fn check(bytes: &[u8]) -> Result<(), WireError> {
-        match bytes.split_first_chunk::<9>() {
-            Some(([0, theirs @ ..], rest)) if *theirs != SCHEMA => Err(WireError::Incompatible {
-                theirs: *theirs,
-                firmware: postcard::take_from_bytes(rest)
-                    .map(|(firmware, _)| firmware)
-                    .unwrap_or_default(),
-            }),
-            _ => Ok(()),
+    fn check(bytes: &[u8], peer: &mut Peer) -> Result<bool, WireError> {
+        match bytes.split_first() {
+            Some((0, hello)) => {
+                *peer = Peer::of(hello)?;
+                Ok(peer.is_short)
+            }
+            Some((kind, _)) if !peer.says(usize::from(*kind)) => Err(WireError::OtherLayout),
+            _ => Ok(false),
         }
     }
 }
@@ -182,6 +184,7 @@ pub struct Receiver<M> {
     expected: Option<u16>,
     bad: u32,
     missed: u32,
+    peer: Peer,
     message: PhantomData<M>,
 }
 
@@ -195,6 +198,7 @@ impl<M: Message> Default for Receiver<M> {
             expected: None,
             bad: 0,
             missed: 0,
+            peer: Peer::default(),
             message: PhantomData,
         }
     }
@@ -210,6 +214,11 @@ impl<M: Message> Receiver<M> {
     /// starts anew starts its numbers anew, which counts as well.
     pub fn missed(&self) -> u32 {
         self.missed
+    }
+
+    /// How the device's messages differ from this program's, by its last hello.
+    pub fn peer(&self) -> Peer {
+        self.peer
     }
 
     /// Takes one byte; gives the message that it completes, or why there is none.
@@ -235,7 +244,10 @@ impl<M: Message> Receiver<M> {
         };
         self.len = 0;
         self.overflow = false;
-        if outcome.is_err() {
+        if outcome
+            .as_ref()
+            .is_err_and(|e| *e != WireError::OtherLayout)
+        {
             self.bad = self.bad.wrapping_add(1);
         }
         Some(outcome)
@@ -243,8 +255,10 @@ impl<M: Message> Receiver<M> {
 
     /// The message in the buffer.
     fn open(&mut self) -> Result<M, WireError> {
-        let frame = self.buffer.get(..self.len).unwrap_or_default();
-        let Some((content, crc)) = frame.split_last_chunk::<CRC_LEN>() else {
+        let Some((frame, after)) = self.buffer.split_at_mut_checked(self.len) else {
+            return Err(WireError::TooLong);
+        };
+        let Some((content, crc)) = frame.split_last_chunk_mut::<CRC_LEN>() else {
             return Err(WireError::Cut);
         };
         if CRC.checksum(content) != u32::from_le_bytes(*crc) {
@@ -257,7 +271,13 @@ impl<M: Message> Receiver<M> {
             .missed
             .wrapping_add(u32::from(sequence.wrapping_sub(expected)));
         self.expected = Some(sequence.wrapping_add(1));
-        M::check(message)?;
+        if M::check(message, &mut self.peer)? {
+            let begin = content.len() - message.len();
+            crc.fill(0);
+            after.fill(0);
+            let whole = self.buffer.get(begin..).unwrap_or_default();
+            return postcard::from_bytes(whole).map_err(|_| WireError::Malformed);
+        }
         match postcard::take_from_bytes(message) {
             Ok((message, [])) => Ok(message),
             _ => Err(WireError::Malformed),

@@ -6,11 +6,13 @@
 //!
 //! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes.
 //!
-//! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled; a device says it in its
-//! [`Hello`], before anything whose layout may differ, and a host with another hash gets [`WireError::Incompatible`]
-//! instead of numbers in the wrong places.
+//! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled, and each kind of message has one of its own
+//! (`layout`). A device says them in its [`Hello`], before anything whose layout may differ. A host that was built later reads the
+//! kinds that are the same; of others it gets [`WireError::OtherLayout`] instead of numbers in the wrong places, and
+//! [`WireError::Incompatible`] where it cannot read the hello.
 
 mod frame;
+mod layout;
 mod request;
 pub mod rings;
 #[cfg(test)]
@@ -19,6 +21,7 @@ mod walk;
 mod wiring;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
+pub use layout::{HEARD, HEARS, Layout, Peer, SAID, SAYS};
 pub use request::{
     Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, Positions,
     ReadFactor, Request, SetZero, Zero,
@@ -32,7 +35,7 @@ use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
 use serde::{Deserialize, Serialize};
 
 /// Version of the rules that the hash does not see: framing, units, when which message is sent.
-pub const PROTOCOL: u8 = 4;
+pub const PROTOCOL: u8 = 5;
 
 /// Identifies the layout of all messages and [`PROTOCOL`].
 pub const SCHEMA: [u8; 8] = {
@@ -40,6 +43,9 @@ pub const SCHEMA: [u8; 8] = {
     hash[0] ^= PROTOCOL;
     hash
 };
+
+/// Bits per second of a board's host link, 8N1: a rate that serial ports of all systems name. The NUCLEO's clock makes it 0.5 % slow.
+pub const HOST_BAUD: u32 = 921_600;
 
 /// Legs that counters and byte counts speak of, in SDK order.
 pub const LEGS: usize = 4;
@@ -100,14 +106,20 @@ pub enum HostMessage {
 pub struct Hello {
     /// [`SCHEMA`]. Must stay the first field.
     pub schema: [u8; 8],
-    /// Version of the firmware.
+    /// Version of the firmware. Must stay the second.
     pub firmware: String<24>,
+    /// The layouts of what the device says: [`SAYS`]. Must stay the third.
+    pub says: Vec<Layout, SAID>,
+    /// The layouts of what it hears: [`HEARS`]. Must stay the fourth; a new field is the last.
+    pub hears: Vec<Layout, HEARD>,
     /// The commit that it was built of, with a `+` behind it if the sources were others; empty where that is not known.
     pub git: String<16>,
     /// Name of the board.
     pub board: String<24>,
     /// Why it started.
     pub reset: Reset,
+    /// Below which supply the board resets itself, as the chip's manual counts levels; nothing where it has no such reset.
+    pub brown_out_level: Option<u8>,
     /// What ended the run before, if that was a panic or a fault: where and what, in words; else empty.
     pub crash: String<64>,
     /// What the device can hold.
@@ -135,7 +147,7 @@ pub struct Hello {
 pub enum Reset {
     /// It cannot tell, or none of the following.
     Unknown,
-    /// The power came, or came back after it was low.
+    /// The power came.
     Power,
     /// The reset button, or a programmer.
     Pin,
@@ -143,6 +155,8 @@ pub enum Reset {
     Software,
     /// The watchdog: the firmware had stopped.
     Watchdog,
+    /// The supply fell below the brown-out level, [`Hello::brown_out_level`], and came back.
+    BrownOut,
 }
 
 /// Which clock a board's times are of.

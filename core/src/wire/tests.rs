@@ -17,6 +17,8 @@ fn receive<M: Message>(
 fn hello() -> Hello {
     Hello {
         schema: SCHEMA,
+        says: Vec::from_array(SAYS),
+        hears: Vec::from_array(HEARS),
         firmware: String::try_from("123456789012345678901234").unwrap(),
         board: String::try_from("123456789012345678901234").unwrap(),
         capacities: Capacities {
@@ -29,7 +31,8 @@ fn hello() -> Hello {
         },
         load_unit: String::try_from("1234567890123456").unwrap(),
         git: String::try_from("1234567890123456").unwrap(),
-        reset: Reset::Watchdog,
+        reset: Reset::BrownOut,
+        brown_out_level: Some(255),
         clock: Clock::Internal,
         crash: String::try_from(
             [b'x'; 64]
@@ -209,10 +212,10 @@ fn the_largest_messages_fit_and_come_back() {
 fn a_device_of_another_schema_is_refused() {
     let mut theirs = SCHEMA;
     theirs[3] ^= 1;
-    let message = DeviceMessage::Hello(Hello {
-        schema: theirs,
-        ..hello()
-    });
+    let mut message = hello();
+    message.schema = theirs;
+    message.says[0][0] ^= 1;
+    let message = DeviceMessage::Hello(message);
     let mut buffer = [0; MAX_FRAME];
     let bytes = Sender::default().encode(&message, &mut buffer);
     let got = receive(&mut Receiver::<DeviceMessage>::default(), bytes);
@@ -221,6 +224,123 @@ fn a_device_of_another_schema_is_refused() {
     let said = std::string::ToString::to_string(&got[0].as_ref().unwrap_err());
     assert!(said.contains("123456789012345678901234"), "{said}");
     assert!(said.contains(env!("CARGO_PKG_VERSION")), "{said}");
+}
+
+/// A message's bytes without its frame.
+fn content_of<V: Serialize>(message: &V) -> std::vec::Vec<u8> {
+    let mut buffer = [0; MAX_FRAME];
+    postcard::to_slice(message, &mut buffer).unwrap().to_vec()
+}
+
+/// What a receiver makes of messages, whose frames are the test's own.
+fn heard(
+    contents: &[std::vec::Vec<u8>],
+) -> (
+    Receiver<DeviceMessage>,
+    std::vec::Vec<Result<DeviceMessage, WireError>>,
+) {
+    let mut receiver = Receiver::default();
+    let mut got = std::vec::Vec::new();
+    for (n, content) in (0u16..).zip(contents) {
+        let mut plain = content_of(&n);
+        plain.extend(content);
+        let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&plain);
+        plain.extend(crc.to_le_bytes());
+        let mut frame = [0; MAX_FRAME + 8];
+        let length = cobs::encode(&plain, &mut frame);
+        got.extend(receive(&mut receiver, &frame[..=length]));
+    }
+    (receiver, got)
+}
+
+/// A device that was built before `Walk` was a message, and when diagnoses and requests were others, is read but for these.
+#[test]
+fn of_an_older_device_is_read_what_has_not_changed() {
+    let mut older = hello();
+    older.schema[0] ^= 1;
+    older.says.pop();
+    older.says[3][1] ^= 1;
+    older.hears[1][2] ^= 1;
+    let [_, estimate, counters, diagnosis, .., walk] = largest();
+    let told = [
+        DeviceMessage::Hello(older.clone()),
+        estimate.clone(),
+        diagnosis,
+        counters.clone(),
+        walk,
+    ];
+    let (receiver, got) = heard(&told.each_ref().map(content_of));
+    let other = Err(WireError::OtherLayout);
+    let expected = [
+        Ok(DeviceMessage::Hello(older.clone())),
+        Ok(estimate),
+        other.clone(),
+        Ok(counters),
+        other,
+    ];
+    assert_eq!(got, expected);
+    // Nothing was damaged or lost.
+    assert_eq!((receiver.bad(), receiver.missed()), (0, 0));
+    let peer = receiver.peer();
+    assert_eq!(peer, older.peer());
+    let unread: std::vec::Vec<usize> = (0..SAYS.len()).filter(|n| !peer.says(*n)).collect();
+    let unheard: std::vec::Vec<usize> = (0..HEARS.len()).filter(|n| !peer.hears(*n)).collect();
+    assert_eq!((unread, unheard), (std::vec![3, 8], std::vec![1]));
+    // A host does not ask what it will not be answered.
+    older.says[5][0] ^= 1;
+    assert!(!older.peer().hears(2));
+    assert_eq!(hello().peer(), Peer::default());
+}
+
+/// An older hello ends earlier: what it does not say is not known. Any other hello is refused.
+#[test]
+fn a_hello_that_ends_earlier_is_read() {
+    let whole = DeviceMessage::Hello(hello());
+    let length = content_of(&whole).len();
+    let Hello {
+        effects, wiring, ..
+    } = hello();
+    // Without the effects, and without the wiring as well.
+    let effects = content_of(&effects).len();
+    let wiring = content_of(&wiring).len();
+    for (fields, lacks) in [(17, effects), (16, effects + wiring)] {
+        let mut older = hello();
+        older.schema[0] ^= 1;
+        older.says[0] = layout::HELLOS[fields - 4];
+        let mut bytes = content_of(&DeviceMessage::Hello(older.clone()));
+        bytes.truncate(length - lacks);
+        older.effects.clear();
+        if fields == 16 {
+            older.wiring = [Wiring::Untested; LEGS];
+        }
+        let (_, got) = heard(&[bytes]);
+        assert_eq!(got, [Ok(DeviceMessage::Hello(older.clone()))]);
+        // Of another layout, with the same bytes.
+        older.says[0][2] ^= 1;
+        let (receiver, got) = heard(&[content_of(&DeviceMessage::Hello(older))]);
+        assert!(
+            matches!(got[..], [Err(WireError::Incompatible { .. })]),
+            "{got:?}"
+        );
+        assert_eq!(receiver.bad(), 1);
+    }
+}
+
+/// The lists of layouts have the messages' order.
+#[test]
+fn each_kind_has_its_place() {
+    for (n, message) in largest().iter().enumerate() {
+        assert_eq!(content_of(message)[0], n as u8);
+    }
+    for message in [
+        HostMessage::RequestHello,
+        request(0, Action::Reset),
+        HostMessage::ReadFactor(READ),
+    ] {
+        assert_eq!(content_of(&message)[0], message.kind() as u8);
+    }
+    let all: std::collections::BTreeSet<_> = SAYS.iter().chain(&HEARS).collect();
+    assert_eq!(all.len(), SAYS.len() + HEARS.len());
 }
 
 #[test]

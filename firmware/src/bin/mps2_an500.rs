@@ -5,7 +5,7 @@
 use cortex_m_rt::entry;
 use defmt_semihosting as _;
 use proprio_firmware::application::Hanging;
-use proprio_firmware::emulated::run;
+use proprio_firmware::board::mps2_an500::run;
 
 #[entry]
 fn main() -> ! {

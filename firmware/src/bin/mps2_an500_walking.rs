@@ -9,7 +9,7 @@ use proprio_core::go2;
 use proprio_core::spatial::Transform;
 use proprio_firmware::Scalar;
 use proprio_firmware::application::Walking;
-use proprio_firmware::emulated::run;
+use proprio_firmware::board::mps2_an500::run;
 
 #[entry]
 fn main() -> ! {

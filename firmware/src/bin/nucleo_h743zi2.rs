@@ -7,13 +7,13 @@
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use proprio_firmware::application::Hanging;
-use proprio_firmware::board::nucleo_h743zi2::Board;
-use proprio_firmware::live::run;
+use proprio_firmware::board::nucleo_h743zi2::Nucleo;
+use proprio_firmware::listener::run;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let Some((board, _)) = Board::take() else {
+    let Some((board, _)) = Nucleo::take(spawner) else {
         panic!("the board is taken once")
     };
-    run(spawner, board, Hanging::take()).await
+    run(board, Hanging::take()).await
 }

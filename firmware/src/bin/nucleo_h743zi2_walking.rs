@@ -7,15 +7,15 @@
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use proprio_firmware::application::Walking;
-use proprio_firmware::board::nucleo_h743zi2::Board;
-use proprio_firmware::live::run;
+use proprio_firmware::board::nucleo_h743zi2::Nucleo;
+use proprio_firmware::listener::run;
 use proprio_firmware::mounting::mounting;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let Some((board, imu)) = Board::take() else {
+    let Some((board, imu)) = Nucleo::take(spawner) else {
         panic!("the board is taken once")
     };
     imu.start();
-    run(spawner, board, Walking::take(mounting())).await
+    run(board, Walking::take(mounting())).await
 }

@@ -22,7 +22,7 @@ use proprio_core::factor::packed_len;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
-use proprio_firmware::board::mps2_an500::{Board, InstructionCounter};
+use proprio_firmware::board::mps2_an500::{InstructionCounter, Mps2An500};
 use proprio_firmware::{Scalar, crash};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -149,7 +149,7 @@ fn main() -> ! {
         hprintln!("{}", crash);
         exit(EXIT_FAILURE);
     }
-    let Some(Board { mut counter, .. }) = Board::take() else {
+    let Some(Mps2An500 { mut counter, .. }) = Mps2An500::take() else {
         panic!("the board is taken once")
     };
     let [mut decode, mut push, mut close] =

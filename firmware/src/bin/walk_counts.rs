@@ -13,7 +13,7 @@ use proprio_core::go2::{IMU, LEGS};
 use proprio_core::spatial::Transform;
 use proprio_core::walk::{WalkMemory, WalkSample, Walker};
 use proprio_core::window::Sample;
-use proprio_firmware::board::mps2_an500::{Board, InstructionCounter};
+use proprio_firmware::board::mps2_an500::{InstructionCounter, Mps2An500};
 use proprio_firmware::{Scalar, crash};
 use static_cell::ConstStaticCell;
 
@@ -134,7 +134,7 @@ fn main() -> ! {
         hprintln!("{}", crash);
         exit(EXIT_FAILURE);
     }
-    let Some(Board { mut counter, .. }) = Board::take() else {
+    let Some(Mps2An500 { mut counter, .. }) = Mps2An500::take() else {
         panic!("the board is taken once")
     };
     let (walker, memory) = (WALKER.take(), MEMORY.take());

@@ -6,12 +6,16 @@
 //!
 //! Registers: Arm DDI 0479, CMSDK APB UART; addresses: Arm DAI 0500.
 
+mod played;
+
+pub use played::run;
+
 use cortex_m::peripheral::{NVIC, SYST, syst::SystClkSource};
 use proprio_core::storage::{RamFlash, SECTOR};
 use proprio_core::wire::rings;
 
 /// One of the board's CMSDK UARTs.
-pub struct Uart {
+struct Uart {
     base: *mut u32,
 }
 
@@ -57,7 +61,7 @@ impl Uart {
     }
 
     /// The next byte, if one is there. Bytes are never lost: the emulator sends no byte before the last one was read.
-    pub fn read(&mut self) -> Option<u8> {
+    fn read(&mut self) -> Option<u8> {
         (self.read_register(STATE) & RECEIVE_FULL != 0).then(|| self.read_register(0) as u8)
     }
 
@@ -67,7 +71,7 @@ impl Uart {
     }
 
     /// Sends `bytes`, waiting for room.
-    pub fn write(&mut self, bytes: &[u8]) {
+    fn write(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             while self.read_register(STATE) & TRANSMIT_FULL != 0 {}
             self.write_register(0, u32::from(byte));
@@ -84,7 +88,7 @@ const RINGS: usize = PSRAM + rings::OFFSET;
 ///
 /// The emulator takes some 8 µs for each byte of a UART, so that four buses run at half of a robot's speed. Who plays hours puts the bytes into
 /// the PSRAM, which the emulator can share with its host, before it says that they are there.
-pub enum Bus {
+enum Bus {
     /// Byte by byte.
     Uart(Uart),
     /// To a ring in memory.
@@ -98,7 +102,7 @@ pub enum Bus {
 
 impl Bus {
     /// The next byte. Of a ring it is the caller who knows that one is there.
-    pub fn read(&mut self) -> Option<u8> {
+    fn read(&mut self) -> Option<u8> {
         match self {
             Self::Uart(uart) => uart.read(),
             Self::Ring { base, at } => {
@@ -148,12 +152,24 @@ impl InstructionCounter {
         Self(syst)
     }
 
+    /// Where the counter is.
+    #[inline]
+    fn begin(&self) -> u32 {
+        SYST::get_current()
+    }
+
+    /// Instructions since it was at `begin`, up to ten million.
+    #[inline]
+    fn since(&self, begin: u32) -> u32 {
+        let ticks = begin.wrapping_sub(SYST::get_current()) & SYSTICK_MAX;
+        (ticks * SYSTICK_NS) >> INSTRUCTION_NS_LOG2
+    }
+
     /// Runs `work` and says how many instructions it took, up to ten million.
     pub fn count<R>(&mut self, work: impl FnOnce() -> R) -> (R, u32) {
-        let before = SYST::get_current();
+        let begin = self.begin();
         let result = work();
-        let ticks = before.wrapping_sub(SYST::get_current()) & SYSTICK_MAX;
-        (result, (ticks * SYSTICK_NS) >> INSTRUCTION_NS_LOG2)
+        (result, self.since(begin))
     }
 }
 
@@ -169,19 +185,19 @@ const FLASH_PACE: u32 = 256;
 pub type Flash = RamFlash<&'static mut [u8]>;
 
 /// Everything on the board that the listener uses.
-pub struct Board {
+pub struct Mps2An500 {
     /// UART0.
-    pub host: Uart,
+    host: Uart,
     /// UART1 to UART4 or their rings, in the order of the legs.
-    pub buses: [Bus; 4],
+    buses: [Bus; 4],
     /// SysTick.
     pub counter: InstructionCounter,
     /// PSRAM.
-    pub flash: Flash,
+    flash: Flash,
     nvic: NVIC,
 }
 
-impl Board {
+impl Mps2An500 {
     /// The board; `None` the second time.
     pub fn take() -> Option<Self> {
         let core = cortex_m::Peripherals::take()?;
@@ -211,12 +227,12 @@ impl Board {
     }
 
     /// Sleeps until a byte has come to any UART since the last [`Self::clear`].
-    pub fn sleep(&self) {
+    fn sleep(&self) {
         cortex_m::asm::wfi();
     }
 
     /// Forgets which bytes have come. Then read again before sleeping: a byte may have come just before.
-    pub fn clear(&mut self) {
+    fn clear(&mut self) {
         self.host.clear_interrupt();
         self.buses.iter_mut().for_each(Bus::clear_interrupt);
         // SAFETY: clearing pending interrupts that no handler waits for.

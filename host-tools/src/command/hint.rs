@@ -302,7 +302,9 @@ fn of_device(error: &DeviceError) -> Option<String> {
         DeviceError::Silent(_) => {
             "check the port, that the board is powered, and that it runs proprio's firmware"
         }
-        DeviceError::Wire(_) => "`proprio flash` puts this version's firmware on the board",
+        DeviceError::Wire(_) | DeviceError::OtherLayout(_) => {
+            "`proprio flash` puts this version's firmware on the board"
+        }
         DeviceError::Port { .. } => {
             "check the port's name, and that you may use it: `ls -l /dev/tty*`, group dialout"
         }

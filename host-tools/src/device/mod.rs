@@ -141,6 +141,9 @@ pub enum DeviceError {
     /// The device speaks another language.
     #[error(transparent)]
     Wire(#[from] WireError),
+    /// The device was built when some messages of a host were others, or none.
+    #[error("the device's firmware does not take this program's {0}")]
+    OtherLayout(&'static str),
     /// A serial port cannot be opened or set.
     #[error("{port}: {source}")]
     Port {

@@ -5,7 +5,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::{
-    Change, ChangeKind, EffectAt, Estimate, Fault, Hello, Solution, Walk, Wiring, Zero,
+    Change, ChangeKind, EffectAt, Estimate, Fault, HEARD, Hello, SAID, Solution, Walk, Wiring, Zero,
 };
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
@@ -16,6 +16,61 @@ pub fn place(at: &EffectAt, hello: &Hello) -> Option<(JointId, EffectKind)> {
     let joint = JointId::of(*leg).into_iter().nth(at.joint.into())?;
     let name = hello.effects.get(usize::from(at.effect))?;
     Some((joint, EffectKind::from_name(name)?))
+}
+
+/// The kinds of a device's messages, in the order of [`SAYS`](proprio_core::wire::SAYS).
+const SAID_WORDS: [&str; SAID] = [
+    "hello",
+    "estimates",
+    "counters",
+    "diagnoses",
+    "answers",
+    "factors",
+    "changes",
+    "steps",
+    "estimates of a walking robot",
+];
+
+/// The kinds of a host's messages, in the order of [`HEARS`](proprio_core::wire::HEARS).
+const HEARD_WORDS: [&str; HEARD] = [
+    "hello",
+    "requests",
+    "requests for factors",
+    "steps",
+    "IMU readings",
+];
+
+/// A kind of a host's messages, in words.
+pub(super) fn words_of_heard(kind: usize) -> &'static str {
+    HEARD_WORDS.get(kind).copied().unwrap_or("messages")
+}
+
+/// What this program cannot read of a device's messages, and what the device would not read of this program's, in words; nothing of a device
+/// whose messages are all the same.
+pub fn words_of_lacking(hello: &Hello) -> Option<String> {
+    let peer = hello.peer();
+    let unread = SAID_WORDS.iter().enumerate();
+    let unread: Vec<&str> = unread
+        .filter(|(n, _)| !peer.says(*n))
+        .map(|(_, words)| *words)
+        .collect();
+    let unheard = HEARD_WORDS.iter().enumerate();
+    let unheard: Vec<&str> = unheard
+        .filter(|(n, _)| !peer.hears(*n))
+        .map(|(_, words)| *words)
+        .collect();
+    let [unread, unheard] =
+        [unread, unheard].map(|kinds| (!kinds.is_empty()).then(|| kinds.join(", ")));
+    let lacks = match (unread, unheard) {
+        (None, None) => return None,
+        (Some(unread), None) => format!("not shown: {unread}"),
+        (None, Some(unheard)) => format!("not taken: {unheard}"),
+        (Some(unread), Some(unheard)) => format!("not shown: {unread}; not taken: {unheard}"),
+    };
+    Some(format!(
+        "firmware {} has other messages than this program; {lacks}",
+        hello.firmware
+    ))
 }
 
 /// What a device says has changed, in words; nothing of a joint that the robot does not have.

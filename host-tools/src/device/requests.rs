@@ -60,6 +60,11 @@ impl Requests {
         .collect()
     }
 
+    /// Asks nothing of what is under way again.
+    pub fn give_up(&mut self) {
+        self.waiting.clear();
+    }
+
     /// How many are under way.
     pub fn len(&self) -> usize {
         self.waiting.len()

@@ -8,14 +8,12 @@ use std::time::{Duration, Instant};
 
 use proprio_core::go2::{Go2, JOINTS_PER_LEG, LEGS};
 use proprio_core::robot::Robot;
-use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
+use proprio_core::wire::{DeviceMessage, HOST_BAUD, Hello, HostMessage};
 use serialport::SerialPort;
 
 use super::link::Link;
 use super::{BusStep, Device, DeviceError};
 
-/// Baud rate of the host link.
-pub const HOST_BAUD: u32 = 921_600;
 /// Baud rate of the motor bus.
 pub const BUS_BAUD: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BAUD;
 

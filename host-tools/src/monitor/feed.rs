@@ -255,7 +255,17 @@ impl Listener {
     fn pass_on(&mut self, device: &mut dyn Device, legs: &[Leg]) -> Result<bool, FeedError> {
         let messages = self.take_asks(Some(device), legs);
         for message in &messages {
-            device.command(message)?;
+            match device.command(message) {
+                // What an older firmware does not take is no reason to stop watching it.
+                Err(error @ DeviceError::OtherLayout(_)) => {
+                    self.news(error.to_string());
+                    match message {
+                        HostMessage::ReadFactor(_) => self.pull = None,
+                        _ => self.requests.give_up(),
+                    }
+                }
+                done => done?,
+            }
         }
         Ok(!messages.is_empty())
     }

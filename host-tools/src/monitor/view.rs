@@ -11,8 +11,8 @@ use proprio_core::wire::{
 
 use super::residual::Residual;
 use crate::device::names::{
-    parameters_of, place, words_of, words_of_top_temperature, words_of_walk, words_of_wiring,
-    words_of_zero,
+    parameters_of, place, words_of, words_of_lacking, words_of_top_temperature, words_of_walk,
+    words_of_wiring, words_of_zero,
 };
 use crate::estimate::ParameterEstimate;
 use crate::parameter;
@@ -194,11 +194,19 @@ impl View {
 
     /// What a device tells of its start that its user should know.
     fn start_of(&mut self, hello: &Hello) {
+        if let Some(words) = words_of_lacking(hello) {
+            self.happened(words);
+        }
         if !hello.crash.is_empty() {
             self.happened(format!("the run before ended: {}", hello.crash));
         }
-        if hello.reset == Reset::Watchdog {
-            self.happened("its watchdog has reset it".to_owned());
+        match (hello.reset, hello.brown_out_level) {
+            (Reset::Watchdog, _) => self.happened("its watchdog has reset it".to_owned()),
+            (Reset::BrownOut, Some(level)) => self.happened(format!(
+                "its supply fell below brown-out level {level} and has reset it"
+            )),
+            (Reset::BrownOut, None) => self.happened("a brown-out has reset it".to_owned()),
+            _ => {}
         }
         if hello.clock == Clock::Internal {
             self.happened(

@@ -27,8 +27,6 @@ type Figures = BTreeMap<String, u64>;
 const SAMPLES: u64 = 4_000;
 /// Samples after which all legs are known to be right.
 const TRIAL: u64 = 10_000;
-/// How far from 0 a hip is where its zero is set (docs/which-leg.md), rad.
-const HIP_OUT: f64 = 0.3;
 /// The counter's resolution, instructions.
 const RESOLUTION: u64 = 1;
 /// A figure may exceed what was accepted by 1/50.
@@ -235,9 +233,7 @@ fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
         DeviceMessage::Hello(hello) => wiring.set(hello.wiring),
         _ => {}
     };
-    // At a hip's 0 the leg of the other side is the same as a hip that counts the other way: each leg begins where its hip is out.
-    let out = |leg: &Leg| (0..SAMPLES).find(|&n| motion::sample(*leg, n).q[0].abs() > HIP_OUT);
-    let begins = Leg::ALL.map(|leg| out(&leg).unwrap_or_default());
+    let begins = Leg::ALL.map(motion::hip_out);
     let sample = |leg: Leg, n: u64| motion::sample(leg, begins[leg.index()] + n);
     let mut board = Qemu::boot_fast(&image::build(scalar)?)?;
     let angles = Leg::ALL.map(|leg| sample(leg, 0).q);

@@ -7,7 +7,7 @@ use crate::app::{ALL_LEGS, HELLO_US, REPORT_US};
 use crate::go2::{JOINTS_PER_LEG, LEGS};
 use crate::walk::{EFFECTS, OWN, WINDOW_US};
 use crate::wire::{
-    Capacities, Counters, DeviceMessage, Hello, Kept, SCHEMA, Walk, WalkCounts, Wiring,
+    Capacities, Counters, DeviceMessage, HEARS, Hello, Kept, SAYS, SCHEMA, Walk, WalkCounts, Wiring,
 };
 use heapless::Vec;
 
@@ -79,9 +79,12 @@ impl<T: Real> WalkingApp<T> {
         Hello {
             schema: SCHEMA,
             firmware: text(identity.firmware),
+            says: Vec::from_array(SAYS),
+            hears: Vec::from_array(HEARS),
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            brown_out_level: identity.start.brown_out_level,
             clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {

@@ -123,7 +123,7 @@ impl NorFlash for Bank2 {
 }
 
 /// Erases and writes the second bank, for ever.
-pub async fn program(mut flash: Flash<'static, flash::Async>) -> ! {
+pub(super) async fn program(mut flash: Flash<'static, flash::Async>) -> ! {
     loop {
         let done = match JOB.wait().await {
             Job::Erase { from, to } => flash.erase(BANK2 + from, BANK2 + to).await,

@@ -38,14 +38,14 @@ const SILENT: Duration = Duration::from_millis(10);
 const AGAIN: Duration = Duration::from_secs(1);
 
 /// Readings that wait for a step, and when they were measured, µs: four steps' worth.
-pub static READINGS: Channel<CriticalSectionRawMutex, (u64, Imu), 16> = Channel::new();
+pub(super) static READINGS: Channel<CriticalSectionRawMutex, (u64, Imu), 16> = Channel::new();
 
 /// Times that the chip was silent or a reading found no room; readings and chips that were refused.
 static LOST: AtomicU32 = AtomicU32::new(0);
 static REFUSED: AtomicU32 = AtomicU32::new(0);
 
 /// What was lost of the IMU.
-pub fn losses() -> LineLosses {
+pub(super) fn losses() -> LineLosses {
     LineLosses {
         overruns: LOST.load(Ordering::Relaxed),
         errors: REFUSED.load(Ordering::Relaxed),

@@ -15,7 +15,7 @@ const LIGHTS_US: u64 = 500_000;
 /// | LD3, red (PB14) | lit: something was lost or refused in the last half second. Blinks: the run before ended in a panic, a fault or the watchdog |
 ///
 /// Until steps are done they show a [`Stage`] of the start. One that does not end is reset by the watchdog after two seconds, and comes again.
-pub struct Lights {
+pub(super) struct Lights {
     green: Output<'static>,
     yellow: Output<'static>,
     red: Output<'static>,
@@ -26,7 +26,7 @@ pub struct Lights {
 
 /// What a start is at. Before these no light is lit: the clocks, or no image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
+pub(super) enum Stage {
     /// Pins, UARTs and DMA: red and yellow.
     Drivers,
     /// The legs' analysis, and what the flash has kept: red and green.
@@ -51,25 +51,25 @@ impl Lights {
     }
 
     /// Shows what the start is at.
-    pub fn starting(&mut self, stage: Stage) {
+    pub(super) fn starting(&mut self, stage: Stage) {
         self.red.set_high();
         self.yellow.set_level((stage == Stage::Drivers).into());
         self.green.set_level((stage == Stage::Memory).into());
     }
 
     /// Shows that the start is over: from now on [`show`](Self::show) says what is lit.
-    pub fn started(&mut self) {
+    pub(super) fn started(&mut self) {
         self.red.set_low();
         self.green.set_low();
     }
 
     /// Has the red light blink from now on, if the run before ended as it should not.
-    pub fn crashed(&mut self, crashed: bool) {
+    pub(super) fn crashed(&mut self, crashed: bool) {
         self.crashed = crashed;
     }
 
     /// Shows what has happened since the last change; to be called every step.
-    pub fn show(&mut self, health: Health, now_us: u64) {
+    pub(super) fn show(&mut self, health: Health, now_us: u64) {
         if now_us < self.due_us {
             return;
         }

@@ -14,12 +14,12 @@ use proprio_core::go2::{Go2, JOINTS_PER_LEG};
 use proprio_core::robot::Robot;
 
 /// Bytes that a ring buffer holds: 10 ms of a full motor bus, 44 ms of the host link.
-pub const RING: usize = 4096;
+pub(super) const RING: usize = 4096;
 
 pub(super) const BUS_BAUD: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BAUD;
 
 /// Time of a byte, eight data bits between start and stop bit, on a motor bus, ns.
-pub const BUS_BYTE_NS: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BYTE_NS;
+pub(super) const BUS_BYTE_NS: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BYTE_NS;
 
 /// Notes of one bus that may wait: six frames of a cycle, eight cycles, between two looks.
 const NOTES: usize = 64;
@@ -92,7 +92,7 @@ macro_rules! notes_time {
 notes_time!(0 USART2, 1 UART4, 2 UART5, 3 UART7);
 
 /// A UART that DMA empties into a ring buffer.
-pub struct Listening {
+pub(super) struct Listening {
     uart: RingBufferedUartRx<'static>,
     registers: pac::usart::Usart,
     /// Of a motor bus: the notes of its time.
@@ -138,7 +138,7 @@ impl Listening {
 
     /// Notes the time for what has come since the line was idle last: then [`Self::piece`] gives all that has come, also of a
     /// line that is never idle.
-    pub fn note(&self) {
+    pub(super) fn note(&self) {
         if let Some(bus) = self.bus {
             cortex_m::interrupt::free(|_| bus.note(0));
         }
@@ -146,7 +146,7 @@ impl Listening {
 
     /// The next bytes of a motor bus that came without a pause, and when the last of them did, µs. `None` where no more have
     /// come. Never waits.
-    pub fn piece<'a>(&mut self, buffer: &'a mut [u8; RING]) -> Option<(&'a [u8], u64)> {
+    pub(super) fn piece<'a>(&mut self, buffer: &'a mut [u8; RING]) -> Option<(&'a [u8], u64)> {
         let bus = self.bus?;
         while let Ok(note) = bus.notes.try_receive() {
             let length = (note.position + RING - self.position) % RING;
@@ -166,7 +166,7 @@ impl Listening {
     }
 
     /// Bytes that came since the last call, `buffer`'s beginning. Never waits.
-    pub fn read<'a>(&mut self, buffer: &'a mut [u8]) -> &'a [u8] {
+    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8]) -> &'a [u8] {
         if buffer.is_empty() {
             return &[];
         }
@@ -189,12 +189,12 @@ impl Listening {
     }
 
     /// Times that bytes were lost because the ring buffer or the UART was full.
-    pub fn overruns(&self) -> u32 {
+    pub(super) fn overruns(&self) -> u32 {
         self.overruns
     }
 
     /// Reads that found a framing or noise error on the line since the one before; its bytes are read all the same.
-    pub fn line_errors(&self) -> u32 {
+    pub(super) fn line_errors(&self) -> u32 {
         self.line_errors
     }
 }

@@ -29,29 +29,29 @@ mod clocks;
 mod imu;
 mod lights;
 mod listening;
+mod live;
 mod watchdog;
 
-pub use bank2::{Bank2, NotDone, program};
-pub use imu::{ImuPins, READINGS, losses as imu_losses};
-pub use lights::{Lights, Stage};
-pub use listening::{BUS_BYTE_NS, Listening, RING};
-pub use watchdog::Watchdog;
+pub use bank2::{Bank2, NotDone};
+pub use imu::ImuPins;
 
 use clocks::{clock, clocks};
 use cortex_m::peripheral::{DCB, DWT};
+use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
-use embassy_stm32::mode::Async;
-use embassy_stm32::usart::{self, UartRx, UartTx};
+use embassy_stm32::usart::{self, UartRx};
 use embassy_stm32::{Peri, bind_interrupts, dma, pac, peripherals};
-use listening::{BUS_BAUD, BUSES, NotesTime};
-use proprio_core::wire::{Clock, Reset};
+use embassy_time::{Duration, Ticker};
+use lights::{Lights, Stage};
+use listening::{BUS_BAUD, BUSES, Listening, NotesTime, RING};
+use live::TICK_US;
+use proprio_core::wire::{Clock, HOST_BAUD, Reset};
 use static_cell::ConstStaticCell;
+use watchdog::Watchdog;
 
 /// Frequency of the core and of its cycle counter, Hz.
-pub const CORE_HZ: u32 = 400_000_000;
-
-const HOST_BAUD: u32 = 921_600;
+const CORE_HZ: u32 = 400_000_000;
 
 bind_interrupts!(struct Interrupts {
     USART2 => NotesTime<0>, usart::InterruptHandler<peripherals::USART2>;
@@ -70,66 +70,43 @@ bind_interrupts!(struct Interrupts {
 
 /// Written by DMA, so static: the stack lies in memory that DMA does not reach.
 static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]; 5]);
+/// What a bus has brought, taken out of its ring.
+static BUS_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 
-/// Why the board started (RM0433, 8.7.39), the most telling flag first: a watchdog or the firmware pulls the reset pin as well.
+/// Why the board started (RM0433, 8.7.39), the most telling flag first: each reset pulls the pin as well, and the power's coming is also a brown-out.
 fn reset_reason() -> Reset {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
     match flags {
         flags if flags.iwdg1rstf() || flags.wwdg1rstf() => Reset::Watchdog,
         flags if flags.sftrstf() => Reset::Software,
-        flags if flags.porrstf() || flags.borrstf() => Reset::Power,
+        flags if flags.porrstf() => Reset::Power,
+        flags if flags.borrstf() => Reset::BrownOut,
         flags if flags.pinrstf() => Reset::Pin,
         _ => Reset::Unknown,
     }
 }
 
-/// Counts the core's cycles.
-pub struct CycleCounter(());
-
-impl CycleCounter {
-    fn new(mut dcb: DCB, mut dwt: DWT) -> Self {
-        dcb.enable_trace();
-        DWT::unlock();
-        dwt.enable_cycle_counter();
-        Self(())
-    }
-
-    /// Runs `work` and says how many cycles it took, up to ten seconds; interrupts that came meanwhile are in it.
-    pub fn count<R>(&mut self, work: impl FnOnce() -> R) -> (R, u32) {
-        let before = DWT::cycle_count();
-        let result = work();
-        (result, DWT::cycle_count().wrapping_sub(before))
-    }
-}
-
 /// Everything on the board that the listener uses.
-pub struct Board {
-    /// From the host.
-    pub from_host: Listening,
-    /// To the host.
-    pub to_host: UartTx<'static, Async>,
+pub struct Nucleo {
+    from_host: Listening,
     /// USART2, UART4, UART5, UART7: in the order of the legs.
-    pub buses: [Listening; 4],
-    /// The core's cycles.
-    pub counter: CycleCounter,
-    /// Why the board started.
-    pub reset: Reset,
-    /// Which clock its times are of.
-    pub clock: Clock,
+    buses: [Listening; 4],
+    bus_buffer: &'static mut [u8; RING],
+    reset: Reset,
+    clock: Clock,
     /// It allows what a start may take until it is unleashed.
-    pub watchdog: Watchdog,
-    /// What can be seen without a host.
-    pub lights: Lights,
-    /// Where snapshots go.
-    pub bank2: Bank2,
-    /// Who writes them there: for [`program`].
-    pub flash: Flash<'static, flash::Async>,
+    watchdog: Watchdog,
+    lights: Lights,
+    bank2: Bank2,
+    ticker: Ticker,
+    /// Frames that found no room on the way to the host.
+    frames_dropped: u32,
 }
 
-impl Board {
-    /// The board, and what is its IMU's if that is [started](ImuPins::start); `None` the second time.
-    pub fn take() -> Option<(Self, ImuPins)> {
+impl Nucleo {
+    /// The board, with the tasks beside its steps, and what is its IMU's if that is [started](ImuPins::start); `None` the second time.
+    pub fn take(spawner: Spawner) -> Option<(Self, ImuPins)> {
         let mut core = cortex_m::Peripherals::take()?;
         let reset = reset_reason();
         let watchdog = Watchdog::start();
@@ -182,17 +159,19 @@ impl Board {
             uart(HOST_BAUD),
         );
         let (to_host, from_host) = host_uart.ok()?.split();
+        live::spawn(spawner, to_host, Flash::new(p.FLASH, irqs));
+        count_cycles(core.DCB, core.DWT);
         let board = Self {
             from_host: Listening::new(Ok(from_host), host, pac::USART3, None),
-            to_host,
             buses,
-            counter: CycleCounter::new(core.DCB, core.DWT),
+            bus_buffer: BUS_BUFFER.try_take()?,
             reset,
             clock,
             watchdog,
             lights,
             bank2: Bank2::default(),
-            flash: Flash::new(p.FLASH, irqs),
+            ticker: Ticker::every(Duration::from_micros(TICK_US)),
+            frames_dropped: 0,
         };
         let imu = ImuPins {
             spi: p.SPI1,
@@ -205,6 +184,13 @@ impl Board {
         };
         Some((board, imu))
     }
+}
+
+/// Has the core count its cycles.
+fn count_cycles(mut dcb: DCB, mut dwt: DWT) {
+    dcb.enable_trace();
+    DWT::unlock();
+    dwt.enable_cycle_counter();
 }
 
 /// 8N1, the driver's default, with an input that reads idle while no receiver is wired.

@@ -12,7 +12,7 @@ const STEP_US: u32 = 200_000;
 
 /// Resets the board if the firmware stops, whatever it is at: also where it waits for a clock that never comes. While a debugger holds the
 /// core it stands still. **Not tried on a board.**
-pub struct Watchdog(());
+pub(super) struct Watchdog(());
 
 impl Watchdog {
     /// Starts it, with the time that a start may take. Before anything that may wait: the clocks.
@@ -25,12 +25,12 @@ impl Watchdog {
     }
 
     /// From now on it allows what a step may take.
-    pub fn unleash(&mut self) {
+    pub(super) fn unleash(&mut self) {
         self.allow(Pr::DIVIDE_BY4, reload(4, STEP_US));
     }
 
     /// A step is done.
-    pub fn pet(&mut self) {
+    pub(super) fn pet(&mut self) {
         pac::IWDG1.kr().write(|w| w.set_key(Key::RESET));
     }
 
