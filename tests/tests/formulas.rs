@@ -288,7 +288,8 @@ fn walks_have_formulas_too() {
     let other = ["compare", "--free-base", "other.csv", "-m", "fitted.toml"];
     let with = given(folder, &other);
     let without = given(folder, &[&other[..], &["--without", "stop"]].concat());
-    assert!(with < 0.3 * without, "{with} {without}");
+    // Bodies of one walk leave more on another than noise: with the file's formula still less than half.
+    assert!(with < 0.5 * without, "{with} {without}");
     // Found where the file does not have it, and written.
     let found = json(folder, &walk("diagnose", "plain.toml"));
     let formulas = found["formulas"].as_array().unwrap();

@@ -38,6 +38,8 @@ const LEAST_SHARE: f64 = 0.5;
 /// Outside, the usual square is at most so many times that of the joint's noise floor, which is known to 10 % and is of noise without a memory: more is an
 /// error that lives there too.
 const AT_FLOOR: f64 = 2.0;
+/// This share of the windows beside an edge is neither inside nor out: the joint travels on while a window lasts, and an edge is cut in two.
+const EDGE: f64 = 0.05;
 /// Price of an edge: its place among n windows and the energy beside it, each ½ ln n of the log-likelihood (Rissanen 1978, Automatica 14:465), twice that
 /// for the deviance used here.
 const PRICE_OF_EDGE: f64 = 2.0;
@@ -559,13 +561,20 @@ impl<'a> Ordered<'a> {
         self.split_by([&self.before(range.from), &self.before(range.to)])
     }
 
-    /// The mean square outside a range by the fit of the outside, as normal residuals of this median size have it: a window that an edge cuts in two is
-    /// neither inside nor out.
+    /// The mean square outside a range by the fit of the outside, as normal residuals of this median size have it, without the windows beside an edge
+    /// ([`EDGE`]).
     fn usual_outside(&self, range: Range) -> Option<f64> {
-        let inside = (self.before(range.to)).plus(-1.0, &self.before(range.from));
+        let n = self.x.len();
+        let margin = (EDGE * n as f64) as usize;
+        let from = range.from.saturating_sub(margin);
+        let to = (range.to + margin).min(n);
+        let inside = self.before(to).plus(-1.0, &self.before(from));
         let outside = self.cuts[self.cuts.len() - 1].1.plus(-1.0, &inside);
         let values = fitted(&outside, &inside)?;
-        let [before, after] = [&self.order[..range.from], &self.order[range.to..]];
+        if outside.count <= 2 * self.residual.size() {
+            return None;
+        }
+        let [before, after] = [&self.order[..from], &self.order[to..]];
         let left = |&w: &usize| self.residual.left[w] - self.residual.rows[w].dot(&values);
         let free = outside.count as f64 / (outside.count - self.residual.size()) as f64;
         Some(free * robust::scale(before.iter().chain(after).map(left))?.powi(2))

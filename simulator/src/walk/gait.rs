@@ -67,8 +67,6 @@ const PUSH: f64 = 0.01;
 /// Share of a stance over which a foot takes its part of the weight, and gives it up.
 const SHIFT: f64 = 0.15;
 const GRAVITY: f64 = 9.81;
-/// Roll, pitch, yaw (rad), x, y, z (m) of a sway on two feet: what keeps the centre of mass above them.
-const ON_TWO_FEET: [f64; 6] = [0.02, 0.03, 0.06, 0.006, 0.012, 0.03];
 
 /// A gait with the phases of its slow motions.
 pub(super) struct Reference {
@@ -220,7 +218,6 @@ impl Reference {
     fn trunk(&self, t: f64, ease: f64) -> (f64, Rotation3<f64>, Vector2<f64>) {
         // Roll, pitch, yaw (rad), x, y, z (m): sizes and frequencies, Hz.
         let (sizes, frequencies) = match self.gait {
-            Gait::Sway if self.feet.len() < 3 => (ON_TWO_FEET, [0.45, 0.55, 0.35, 0.5, 0.4, 0.6]),
             Gait::Sway => (
                 [0.12, 0.11, 0.12, 0.03, 0.03, 0.03],
                 [0.45, 0.55, 0.35, 0.5, 0.4, 0.6],

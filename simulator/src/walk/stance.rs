@@ -14,9 +14,10 @@ use rand_chacha::rand_core::SeedableRng;
 use super::WalkError;
 use super::robot::{WalkRobot, placed};
 
-/// How deep a foot is below its first joint as the robot stands, as a share of the depth as drawn. A Go2's gaits, lifts and sways need 0.63 to 0.7 on
-/// points; a robot on two flat feet stands nearly straight, as a knee that is bent carries its weight at a longer lever.
-const DEPTH: [f64; 2] = [0.7, 0.93];
+/// How deep a foot is below its first joint as the robot stands, as a share of the depth as drawn: a Go2's gaits, lifts and sways need 0.63 to 0.7.
+const DEPTH: f64 = 0.7;
+/// Fewer feet than these carry a robot only if it balances, which the controller of joints here does not.
+const LEAST_FEET: usize = 3;
 /// Starts of the search for a foot's angles, and the most steps of each: of 300 random angles of a leg of three joints a third converge.
 const STARTS: usize = 300;
 const STEPS: usize = 60;
@@ -236,14 +237,12 @@ impl Stance {
             why: why.to_owned(),
         };
         let drawn = DVector::zeros(robot.facts().len());
-        let on_points = robot.feet.len() > 2;
-        if !on_points && !robot.feet.iter().all(super::robot::WalkFoot::is_flat) {
+        if robot.feet.len() < LEAST_FEET {
             return Err(cannot(
                 0,
-                "a robot on two feet needs flat ones: state their corners as `points` of [[foot]]",
+                "a robot on one or two feet has to balance, which is not simulated: take one of three feet or more",
             ));
         }
-        let share = DEPTH[usize::from(!on_points)];
         let mut home = Vec::new();
         let mut height = f64::INFINITY;
         for (n, chain) in chains.iter().enumerate() {
@@ -262,7 +261,7 @@ impl Stance {
                     "as drawn, with all joints at zero, it is not below its leg's first joint",
                 ));
             }
-            height = height.min(share * depth - hip.z + robot.feet[n].radius);
+            height = height.min(DEPTH * depth - hip.z + robot.feet[n].radius);
             home.push(place.xy());
         }
         let mut stance = Self {

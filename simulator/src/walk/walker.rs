@@ -17,8 +17,6 @@ pub(super) const STEP: f64 = PERIOD / 2.0;
 /// Gains of a Go2, N m/rad and N m s/rad.
 const GAIN_P: f64 = 80.0;
 const GAIN_D: f64 = 2.0;
-/// So many times as large on two feet, which the ankles balance: a Go2's beside the weight would be what gravity takes.
-const ON_TWO_FEET: f64 = 2.0;
 /// Largest gain of the velocity, as a share of the joint's own inertia over a period: at twice the inertia a held torque reverses the motion.
 const HELD: f64 = 0.3;
 /// How long the robot stands before the log begins, s.
@@ -204,12 +202,7 @@ fn gains(plant: &Plant, state: &State) -> Vec<[f64; 2]> {
     if robot.stance.is_none() {
         return vec![usual; robot.facts().len()];
     }
-    let times = if robot.feet.len() < 3 {
-        ON_TWO_FEET
-    } else {
-        1.0
-    };
-    let unit = robot.heavier * robot.longer * times;
+    let unit = robot.heavier * robot.longer;
     let slower = robot.longer.sqrt();
     let [gain_p, gain_d] = [GAIN_P * unit, GAIN_D * unit * slower];
     let inertia = plant.inertia_of_joints(state);
