@@ -67,15 +67,22 @@ pub(crate) struct Window {
 pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
 impl Motion {
-    /// The sign of a joint's velocity at sample k, as dry friction has it ([`JointState::sign`]), −1 to 1.
-    pub(crate) fn sign(&self, k: usize, joint: usize) -> f64 {
+    /// What the motion alone shows an effect of a joint at sample k: no torque, no state of friction, spring or play.
+    pub(crate) fn state(&self, k: usize, joint: usize) -> JointState<f64> {
         let own = &self.joint[joint];
-        let state = JointState {
+        let [q, dq, ..] = own.state[k];
+        JointState {
             speed: own.speed[k],
             speed_noise: own.speed_noise,
-            ..JointState::reported(0.0, 0.0, 0.0)
-        };
-        state.sign()
+            temperature: self.temperature[k * self.joints + joint],
+            time: self.time[k],
+            ..JointState::reported(q, dq, 0.0)
+        }
+    }
+
+    /// The sign of a joint's velocity at sample k, as dry friction has it ([`JointState::sign`]), −1 to 1.
+    pub(crate) fn sign(&self, k: usize, joint: usize) -> f64 {
+        self.state(k, joint).sign()
     }
 
     /// A limb's motion by its recording; `velocity_gain` is each joint's reported velocity over the true one.

@@ -1,8 +1,6 @@
 //! What a joint's torque jumps by where dry friction changes its direction within a window: of the moment, a log knows a sample and no
 //! more, and of what a held joint's friction is meanwhile nothing but its two limits.
 
-use proprio_core::effect::JointState;
-
 use super::column::{Column, Columns};
 use super::motion::{MOST_REST, Motion, Window};
 
@@ -48,7 +46,9 @@ impl DryFriction<'_> {
             return 0.0;
         };
         let towards = |sign: f64| {
-            let mut states: Vec<_> = (0..self.motion.joints).map(|j| self.state(at, j)).collect();
+            let mut states: Vec<_> = (0..self.motion.joints)
+                .map(|j| self.motion.state(at, j))
+                .collect();
             states[joint].speed = sign * trajectory.speed_noise;
             let rate = |(column, value): (&Column, &f64)| match *column {
                 Column::Own {
@@ -84,25 +84,14 @@ impl DryFriction<'_> {
         let held = (first + 1..=last).filter(slow).count() as f64 / (last - first) as f64;
         let noise = own.speed_noise + other.speed_noise;
         let towards = |sign: f64| {
-            let mut states: Vec<_> = (0..self.motion.joints).map(|j| self.state(at, j)).collect();
-            states[joints[1]].speed = other.speed[at];
+            let mut states: Vec<_> = (0..self.motion.joints)
+                .map(|j| self.motion.state(at, j))
+                .collect();
             states[joints[0]].speed = sign * noise - way * other.speed[at];
             let term = self.columns.term(column, joints[0], &states);
             term.map_or(0.0, |term| term.rate)
         };
         let jump = 0.5 * (towards(1.0) - towards(-1.0));
         jump.abs() * f64::max(1.0, held / MOST_REST)
-    }
-
-    /// What effects see of a joint at a sample, but for its speed.
-    fn state(&self, k: usize, joint: usize) -> JointState<f64> {
-        let trajectory = &self.motion.joint[joint];
-        let [q, dq, ..] = trajectory.state[k];
-        JointState {
-            speed_noise: trajectory.speed_noise,
-            temperature: self.motion.temperature[k * self.motion.joints + joint],
-            time: self.motion.time[k],
-            ..JointState::reported(q, dq, 0.0)
-        }
     }
 }

@@ -63,7 +63,7 @@ macro_rules! sizes {
     };
 }
 
-// A quadruped; one with an arm, or a robot of six legs; a humanoid without and with hands.
+// A quadruped; one with an arm, or a robot of six legs; more joints than these.
 sizes!(12, 20, 32, 48);
 
 impl<const B: usize, const V: usize> Compiled<B, V> {

@@ -1,4 +1,4 @@
-//! Walks that `proprio simulate --walk -m` makes of robots that are no Go2: six legs that end in points; a humanoid would have to balance.
+//! Walks that `proprio simulate --walk -m` makes of robots that are no Go2: six legs that end in points; a biped would have to balance.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -92,8 +92,8 @@ fn a_robot_that_cannot_walk_so_is_refused_with_the_cause() {
         assert!(fs::read_dir(folder.path()).unwrap().next().is_none());
         (output.status.code(), stderr(&output))
     };
-    let humanoid = robot("robots/humanoid.toml").display().to_string();
-    let (status, said) = refused(&format!("simulate --walk sway -m {humanoid}"));
+    let biped = robot("robots/biped.toml").display().to_string();
+    let (status, said) = refused(&format!("simulate --walk sway -m {biped}"));
     assert!(
         status == Some(1) && said.contains("has to balance"),
         "{said}"

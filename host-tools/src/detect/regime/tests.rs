@@ -3,7 +3,9 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+use super::search::Found;
 use super::*;
+use crate::equation::dot::dot;
 
 const WINDOW: f64 = 0.02;
 const COUNT: usize = 1500;
