@@ -10,6 +10,7 @@ use super::backlash::play;
 use super::body::LimbBody;
 use super::coupled_springs::{Spring, coupled};
 use super::joint_states::{Needs, States};
+use super::local_line::{around, local_line};
 use super::motion::Motion;
 use super::spring::{Gear, spring};
 use super::transmitted_torque_cache::Load;
@@ -62,8 +63,11 @@ impl Motion {
                 let gear = gear(values, j, compliance);
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
-                    for at in stretch.clone().map(|k| k * n + j) {
-                        let give = load.line[at].map(|x| -x);
+                    let known: Vec<f64> = stretch.clone().map(|k| load.known[k * n + j]).collect();
+                    let time = &self.time[stretch.clone()];
+                    for (i, k) in stretch.clone().enumerate() {
+                        let at = k * n + j;
+                        let give = local_line(time, &known, i, around(time, i)).map(|x| -x);
                         states.give[at - from] = give;
                         states.move_link(at - from, compliance, give);
                     }
@@ -177,7 +181,7 @@ impl Motion {
         let (n, first) = (self.joints, states.first);
         let (rigid, base) = (body.loaded(values), body.base(values));
         let of = |spring: &Spring| {
-            let own = stretch.clone().map(|k| load.torque[k * n + spring.joint]);
+            let own = stretch.clone().map(|k| load.known[k * n + spring.joint]);
             own.collect::<Vec<f64>>()
         };
         let loads: Vec<Vec<f64>> = springs.iter().map(of).collect();
@@ -234,7 +238,7 @@ impl Motion {
         by: &Follows,
     ) -> Vec<(usize, [f64; 2])> {
         let at = || stretch.clone().map(|k| k * self.joints + joint);
-        let torque: Vec<f64> = at().map(|at| load.torque[at]).collect();
+        let torque: Vec<f64> = at().map(|at| load.known[at]).collect();
         let inertia: Vec<f64> = at().map(|at| load.inertia[at]).collect();
         at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
             .collect()

@@ -223,16 +223,16 @@ impl Motion {
         rest < MOST_REST * (self.time[last] - self.time[first])
     }
 
-    /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there; of a link
-    /// that moves against its motor all that came before without a gap. All, if most windows are chosen.
+    /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there. All, if most windows are
+    /// chosen, or where a link moves against its motor: by all that came before, and by a load of which the whole log tells what is motion.
     pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Asked {
         let count = (0..self.windows.len()).filter(|w| chosen(*w)).count();
-        if 4 * count >= 3 * self.windows.len() {
-            return None;
-        }
         let is_loose = values
             .places()
             .any(|place| place.0.description().is_compliant());
+        if is_loose || 4 * count >= 3 * self.windows.len() {
+            return None;
+        }
         let mut asked = vec![false; self.time.len()];
         let mut range: Option<Range<usize>> = None;
         for (_, window) in self.windows.iter().enumerate().filter(|(w, _)| chosen(*w)) {
@@ -241,25 +241,14 @@ impl Motion {
                 self.time[first] - 2.0 * REACH,
                 self.time[last] + 2.0 * REACH,
             );
-            let mut from = self.time[..first].partition_point(|t| *t < begin);
-            if is_loose {
-                let stretch = self.stretches.partition_point(|s| s.end <= first);
-                from = from.min(self.stretches.get(stretch).map_or(first, |s| s.start));
-            }
+            let from = self.time[..first].partition_point(|t| *t < begin);
             let to = last + self.time[last..].partition_point(|t| *t <= end);
             // Those next to the window's ends, however far apart samples are.
             let (from, to) = (from.min(first.saturating_sub(1)), to.max(last + 2));
             let to = to.min(self.time.len());
             let known = range.clone().unwrap_or(from..to);
             range = Some(known.start.min(from)..known.end.max(to));
-            // A link's past is long, and that of the window before is told already.
-            let told = asked[from..to].iter().rposition(|asked| *asked);
-            let new = if is_loose {
-                told.map_or(from, |n| from + n)
-            } else {
-                from
-            };
-            asked[new..to].fill(true);
+            asked[from..to].fill(true);
         }
         Some((range.unwrap_or(0..0), asked))
     }

@@ -144,11 +144,15 @@ impl Motion {
                 turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
             }
         });
-        if !loose {
+        let known = if loose {
+            self.known_torque(body, values, motors.0, &torque)
+        } else {
             inertia = Vec::new();
-        }
+            Vec::new()
+        };
         Load {
             inertia,
+            known,
             line: self.lines(&torque, asked),
             torque,
         }

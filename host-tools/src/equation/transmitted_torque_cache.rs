@@ -15,6 +15,8 @@ pub(super) const MOST_OF_BRISTLES: usize = 250_000;
 pub(crate) struct Load {
     /// Sample by sample, joint by joint, N m.
     pub(super) torque: Vec<f64>,
+    /// What of it is motion, and no noise of it ([`Motion::known_torque`](super::motion::Motion)), N m. Nothing where no link may move.
+    pub(super) known: Vec<f64>,
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
     pub(super) line: Vec<[f64; 2]>,
     /// The inertia that each joint turns, kg m²; sample by sample, joint by joint. Nothing where no link may move.
@@ -64,7 +66,7 @@ impl Loads {
     }
 
     pub(super) fn put(&self, key: Key, load: &Arc<Load>) {
-        let size = |load: &Load| 3 * load.torque.len() + load.inertia.len();
+        let size = |load: &Load| 3 * load.torque.len() + 2 * load.inertia.len();
         if size(load) > MOST {
             return;
         }

@@ -30,7 +30,7 @@ fn settling(motion: &Motion, body: &LimbBody, values: &Values) -> f64 {
         let damping = values.damper(joint)?;
         let swings = values.transmission(Transmission::Spring, joint, 0) > 0.0
             && motion.link(joint).is_none();
-        let inertia = motion.usual_inertia(body, values, joint);
+        let inertia = motion.usual_inertia(body, values)[(joint, joint)];
         swings.then(|| coupled_springs::settling(inertia, damping))
     };
     (0..motion.joints).filter_map(of).fold(0.0, f64::max)

@@ -59,6 +59,8 @@ pub(crate) struct Trajectory {
     /// Standard deviations of white noise of the channels: of the position, rad, and the velocity, rad/s; zero where they are not known, and
     /// infinite for a velocity that is made of the positions.
     pub(crate) noise: [f64; 2],
+    /// Frequency at which smoothing passes a half, Hz.
+    pub(crate) cutoff: f64,
     /// The velocity near standstill: about a reversal it stands for the *sign* (see [`speed`]), rad/s.
     pub(crate) speed: Vec<f64>,
     /// Speed below which the sign may be noise, rad/s.
@@ -100,6 +102,18 @@ impl Squares {
 }
 
 impl Trajectory {
+    /// Density of the position's noise after smoothing, rad²/Hz at a frequency, Hz: of both channels fused, each by how sure it is, and smoothed twice. Of
+    /// samples a period (s) apart; zero where the channels' noises are not known.
+    pub(crate) fn noise_density(&self, frequency: f64, period: f64) -> f64 {
+        let [position, velocity] = self.noise.map(|noise| 2.0 * period * noise * noise);
+        let omega = std::f64::consts::TAU * frequency;
+        if position <= 0.0 || velocity <= 0.0 {
+            return 0.0;
+        }
+        let smooth = 1.0 / (1.0 + (frequency / self.cutoff).powi(8));
+        (smooth * (2.0 - smooth)).powi(2) / (1.0 / position + omega * omega / velocity)
+    }
+
     /// Whether samples, a period (s) apart, are too far apart for the joint's acceleration: the trapezoid rule is wrong by (ω h)²/12 of it,
     /// with ω the acceleration's root mean square over the velocity's.
     pub(crate) fn is_coarse(&self, period: f64) -> bool {
@@ -164,6 +178,7 @@ impl Trajectory {
             speed_noise,
             rest: (2.0 * speed_noise).max(RESTING * fast),
             noise: channels.noise(),
+            cutoff: channels.cutoff,
         }
     }
 }

@@ -1,0 +1,206 @@
+//! The torque that gears transmit, as far as the noise of the motion lets it be known.
+//!
+//! What a spring gives way by is in proportion to this torque, and what that does to the bodies to its second derivative: to the fourth of the
+//! positions. Noise of theirs between the robot's own frequencies and the smoother's cutoff, which a torque hardly shows, is there more than all
+//! motion, and a stiffness that is regressed on it comes out many times too large (an error in the variables). So each frequency is passed by the share
+//! of it that is motion (Wiener 1949, *Extrapolation, Interpolation, and Smoothing of Stationary Time Series*), with which a regression is consistent
+//! (Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).
+//!
+//! The noise's density is the two channels', fused and smoothed, times the inertia and ω²; what there is of both, the log's own.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+use realfft::RealFftPlanner;
+
+use super::body::LimbBody;
+use super::local_line::{REACH, local_line};
+use super::motion::Motion;
+use super::values::Values;
+use crate::trajectory::Trajectory;
+
+/// Length of the pieces whose spectra are averaged, s: a Hann window of it tells frequencies 1 Hz apart.
+const LENGTH: f64 = 2.0;
+/// Shorter pieces have no spectrum, samples.
+const LEAST_SAMPLES: usize = 16;
+/// What has less than so many times the noise's density may be noise alone, and is left out; what has so many times is passed by its share of motion. A
+/// mean of ten pieces exceeds its expectation by a half in one of ten frequencies, twofold in one of a hundred.
+const NOISE_ALONE: f64 = 1.5;
+const SURE: f64 = 2.5;
+
+impl Motion {
+    /// What of torques (N m; sample by sample, joint by joint) is motion, and not its noise.
+    pub(super) fn known_torque(
+        &self,
+        body: &LimbBody,
+        values: &Values,
+        motors: &[Trajectory],
+        torque: &[f64],
+    ) -> Vec<f64> {
+        let longest = self
+            .stretches
+            .iter()
+            .map(|s| self.seconds(s))
+            .max_by(f64::total_cmp);
+        let period = self.period();
+        let length = (LENGTH.min(longest.unwrap_or(0.0)) / period) as usize;
+        let mut known = torque.to_vec();
+        if length < LEAST_SAMPLES {
+            return known;
+        }
+        let inertia = self.usual_inertia(body, values);
+        let mut planner = RealFftPlanner::new();
+        for joint in 0..self.joints {
+            let pass = self.share_of_motion(&mut planner, (torque, joint), length, |frequency| {
+                let density = |i: usize| {
+                    inertia[(joint, i)].powi(2) * motors[i].noise_density(frequency, period)
+                };
+                (TAU * frequency).powi(4) * (0..self.joints).map(density).sum::<f64>()
+            });
+            if pass.iter().all(|share| *share == 1.0) {
+                continue;
+            }
+            for stretch in &self.stretches {
+                let own: Vec<f64> = stretch
+                    .clone()
+                    .map(|k| torque[k * self.joints + joint])
+                    .collect();
+                let passed = passed(&mut planner, &self.time[stretch.clone()], &own, &pass);
+                for (k, passed) in stretch.clone().zip(passed) {
+                    known[k * self.joints + joint] = passed;
+                }
+            }
+        }
+        known
+    }
+
+    /// The mean time between samples of a motion, s.
+    fn period(&self) -> f64 {
+        let time: f64 = self.stretches.iter().map(|s| self.seconds(s)).sum();
+        let steps: usize = self
+            .stretches
+            .iter()
+            .map(|s| s.len().saturating_sub(1))
+            .sum();
+        time / steps.max(1) as f64
+    }
+
+    fn seconds(&self, stretch: &Range<usize>) -> f64 {
+        match (
+            self.time[stretch.clone()].first(),
+            self.time[stretch.clone()].last(),
+        ) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        }
+    }
+
+    /// The share of each frequency of a joint's torque that is motion, from 0 to half the sampling rate, where its noise has this density,
+    /// (N m)²/Hz.
+    fn share_of_motion(
+        &self,
+        planner: &mut RealFftPlanner<f64>,
+        (torque, joint): (&[f64], usize),
+        length: usize,
+        noise: impl Fn(f64) -> f64,
+    ) -> Vec<f64> {
+        let fft = planner.plan_fft_forward(length);
+        let (mut piece, mut spectrum) = (fft.make_input_vec(), fft.make_output_vec());
+        let hann = |k: usize| 0.5 * (1.0 - (TAU * k as f64 / length as f64).cos());
+        let window: Vec<f64> = (0..length).map(hann).collect();
+        let (mut density, mut count) = (vec![0.0; spectrum.len()], 0);
+        for stretch in &self.stretches {
+            for first in
+                (stretch.start..(stretch.end + 1).saturating_sub(length)).step_by(length / 2)
+            {
+                let own = || (first..first + length).map(|k| torque[k * self.joints + joint]);
+                let mean = own().sum::<f64>() / length as f64;
+                for ((piece, window), own) in piece.iter_mut().zip(&window).zip(own()) {
+                    *piece = window * (own - mean);
+                }
+                if fft.process(&mut piece, &mut spectrum).is_ok() {
+                    count += 1;
+                    (density.iter_mut().zip(&spectrum)).for_each(|(sum, x)| *sum += x.norm_sqr());
+                }
+            }
+        }
+        let period = self.period();
+        let squares: f64 = window.iter().map(|w| w * w).sum();
+        let scale = 2.0 * period / (squares * f64::from(count.max(1)));
+        let near = |n: usize| {
+            let own = &density[n.saturating_sub(1)..(n + 2).min(density.len())];
+            scale * own.iter().sum::<f64>() / own.len() as f64
+        };
+        let share = |n: usize| {
+            let noise = noise(n as f64 / (length as f64 * period));
+            if noise <= 0.0 {
+                return 1.0;
+            }
+            let times = near(n) / noise;
+            let sure = ((times - NOISE_ALONE) / (SURE - NOISE_ALONE)).clamp(0.0, 1.0);
+            sure * (1.0 - 1.0 / times.max(1.0))
+        };
+        (0..density.len()).map(share).collect()
+    }
+
+    /// The inertia matrix, the mean over some poses, kg m².
+    pub(crate) fn usual_inertia(&self, body: &LimbBody, values: &Values) -> DMatrix<f64> {
+        let n = self.joints;
+        let (rigid, base) = (body.loaded(values), body.base(values));
+        let mut matrix = vec![0.0; n * n];
+        let mut at = |pose: usize| {
+            let k = pose * self.time.len() / POSES;
+            let q: Vec<f64> = self.joint.iter().map(|joint| joint.state[k][0]).collect();
+            rigid.inertia_matrix(&base, &q, &mut matrix);
+            DMatrix::from_row_slice(n, n, &matrix)
+        };
+        let sum = (0..POSES).fold(DMatrix::zeros(n, n), |sum, pose| sum + at(pose));
+        sum / POSES as f64
+    }
+}
+
+/// Poses that the inertia is the mean of.
+const POSES: usize = 16;
+
+/// A stretch of a signal with each frequency's share of it passed; at its ends it goes on as its mirror image through the point there.
+fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]) -> Vec<f64> {
+    let n = x.len();
+    // As long as the spectrum's window: no filter made of that remembers longer.
+    let beside = (2 * share.len()).min(n.saturating_sub(1));
+    if n < 4 {
+        return x.to_vec();
+    }
+    let half = t
+        .partition_point(|time| *time - t[0] <= REACH)
+        .clamp(1, (n - 1) / 2);
+    let end = |k: usize, end: usize| {
+        let [value, slope] = local_line(t, x, k, half);
+        value + slope * (t[end] - t[k])
+    };
+    let (first, last) = (end(half, 0), end(n - 1 - half, n - 1));
+    let before = (1..=beside).rev().map(|k| 2.0 * first - x[k]);
+    let after = (1..=beside).map(|k| 2.0 * last - x[n - 1 - k]);
+    let mut long: Vec<f64> = before.chain(x.iter().copied()).chain(after).collect();
+    let length = long.len();
+    let (forward, inverse) = (
+        planner.plan_fft_forward(length),
+        planner.plan_fft_inverse(length),
+    );
+    let mut spectrum = forward.make_output_vec();
+    if forward.process(&mut long, &mut spectrum).is_err() {
+        return x.to_vec();
+    }
+    let last = share.len() - 1;
+    let scale = 2.0 * last as f64 / length as f64;
+    for (n, x) in spectrum.iter_mut().enumerate() {
+        let at = (n as f64 * scale).min(last as f64);
+        let (below, part) = (at as usize, at.fract());
+        let above = (below + 1).min(last);
+        *x *= (share[below] * (1.0 - part) + share[above] * part) / length as f64;
+    }
+    if inverse.process(&mut spectrum, &mut long).is_err() {
+        return x.to_vec();
+    }
+    long[beside..beside + n].to_vec()
+}
