@@ -53,6 +53,10 @@ impl Motion {
         let mut planner = RealFftPlanner::new();
         for joint in 0..self.joints {
             let pass = self.share_of_motion(&mut planner, (torque, joint), length, |frequency| {
+                // Beyond where its own motion is followed all is noise; how much of it smoothing lets pass there, kinks say, and no density.
+                if frequency > motors[joint].cutoff {
+                    return f64::INFINITY;
+                }
                 let density = |i: usize| {
                     inertia[(joint, i)].powi(2) * motors[i].noise_density(frequency, period)
                 };
