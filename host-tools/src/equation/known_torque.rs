@@ -44,7 +44,8 @@ impl Motion {
             .map(|s| self.seconds(s))
             .max_by(f64::total_cmp);
         let period = self.period();
-        let length = (LENGTH.min(longest.unwrap_or(0.0)) / period) as usize;
+        // An even number, so that its last frequency is half the sampling rate.
+        let length = (LENGTH.min(longest.unwrap_or(0.0)) / period) as usize & !1;
         let mut known = torque.to_vec();
         if length < LEAST_SAMPLES {
             return known;
@@ -186,6 +187,10 @@ fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]
     let before = (1..=beside).rev().map(|k| 2.0 * first - x[k]);
     let after = (1..=beside).map(|k| 2.0 * last - x[n - 1 - k]);
     let mut long: Vec<f64> = before.chain(x.iter().copied()).chain(after).collect();
+    // Back to where it begins, in as many samples as make the transform a fast one.
+    let (end, missing) = (long[long.len() - 1], fast_length(long.len()) - long.len());
+    let back = (long[0] - end) / (missing + 1) as f64;
+    long.extend((1..=missing).map(|k| end + back * k as f64));
     let length = long.len();
     let (forward, inverse) = (
         planner.plan_fft_forward(length),
@@ -207,4 +212,41 @@ fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]
         return x.to_vec();
     }
     long[beside..beside + n].to_vec()
+}
+
+/// The least length from this one on that is a power of two, or one and a half times that.
+fn fast_length(least: usize) -> usize {
+    let power = least.next_power_of_two();
+    if least <= power / 4 * 3 {
+        power / 4 * 3
+    } else {
+        power
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is passed as a whole stays as it is, to its ends; what lies above the frequencies that are passed goes.
+    #[test]
+    fn a_share_of_each_frequency_is_passed() {
+        let t: Vec<f64> = (0..3001).map(|k| 2e-3 * f64::from(k)).collect();
+        let slow: Vec<f64> = t.iter().map(|t| 3.0 + (4.0 * t).sin()).collect();
+        let both: Vec<f64> = (t.iter().zip(&slow))
+            .map(|(t, slow)| slow + (300.0 * t).cos())
+            .collect();
+        let mut planner = RealFftPlanner::new();
+        let whole = passed(&mut planner, &t, &both, &[1.0; 501]);
+        let off = |a: &[f64], b: &[f64], from: usize| {
+            let inner = from..a.len() - from;
+            inner.map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max)
+        };
+        assert!(off(&whole, &both, 0) < 1e-12);
+        // 501 shares reach to 250 Hz: the first 30 Hz of them.
+        let low: Vec<f64> = (0..501).map(|n| if n < 60 { 1.0 } else { 0.0 }).collect();
+        let low = passed(&mut planner, &t, &both, &low);
+        assert!(off(&low, &slow, 200) < 0.02, "{}", off(&low, &slow, 200));
+        assert!(off(&low, &slow, 0) < 0.5, "{}", off(&low, &slow, 0));
+    }
 }
