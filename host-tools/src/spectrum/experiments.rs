@@ -1,12 +1,13 @@
 //! Experiments: the spectra of a stretch's periods, transients left out.
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
+use realfft::{RealFftPlanner, RealToComplex};
 
 use super::error::FrfError;
-use super::friction::{Drive, without_friction};
+use super::friction::{Drive, dry_friction};
 use super::periods::{Stretch, stretches};
 use super::record::{Record, TorqueUnit};
+use crate::parallel::by_number;
 
 /// A line counts as excited from this share of the largest amplitude.
 const EXCITED: f64 = 0.05;
@@ -41,6 +42,8 @@ pub(super) struct Experiment {
     pub(super) q: Spectra,
     /// Torque there, without dry friction.
     pub(super) torque: Spectra,
+    /// The dry friction.
+    friction: Spectra,
     /// The link's encoder there, or empty.
     pub(super) link: Spectra,
     /// Position at lines within the band that nothing excites: even and odd ones, mean over periods, of each joint.
@@ -97,15 +100,17 @@ impl Experiments {
                 )));
             }
         }
-        let lines = excited(records, &found, period)?;
+        let plan = &*RealFftPlanner::<f64>::new().plan_fft_forward(period);
+        let lines = excited(records, &found, plan)?;
         let mut all = Vec::new();
         for (record, (_, stretches)) in records.iter().zip(&found) {
-            let torque = without_friction(record, drives);
-            for stretch in stretches {
-                all.push(experiment(record, &torque, *stretch, period, &lines)?);
+            let friction = dry_friction(record, drives);
+            let of = |n: usize| experiment(record, &friction, stretches[n], plan, &lines);
+            for own in by_number(0..stretches.len(), of) {
+                all.push(own?);
             }
         }
-        Ok(Self {
+        let mut found = Self {
             joints: first.joints.clone(),
             unit: first.unit,
             dt: first.dt,
@@ -113,7 +118,20 @@ impl Experiments {
             lines,
             has_reference: records.iter().all(|r| !r.reference.is_empty()),
             all,
-        })
+        };
+        found.give_back(-1.0);
+        Ok(found)
+    }
+
+    /// Gives a share of the dry friction back to the torque: what would have been measured of drives with less of it.
+    pub(super) fn give_back(&mut self, share: f64) {
+        for own in &mut self.all {
+            let lines = own.torque.iter_mut().zip(&own.friction);
+            let lines = lines.flat_map(|(to, from)| to.iter_mut().zip(from));
+            for (to, from) in lines.flat_map(|(to, from)| to.iter_mut().zip(from)) {
+                *to += share * from;
+            }
+        }
     }
 
     /// The excited frequencies, Hz.
@@ -127,8 +145,9 @@ impl Experiments {
 fn excited(
     records: &[Record],
     found: &[(usize, Vec<Stretch>)],
-    period: usize,
+    plan: &dyn RealToComplex<f64>,
 ) -> Result<Vec<usize>, FrfError> {
+    let period = plan.len();
     let mut power = vec![0.0; period / 2 + 1];
     for (record, (_, stretches)) in records.iter().zip(found) {
         let signals = if record.reference.is_empty() {
@@ -139,7 +158,7 @@ fn excited(
         for stretch in stretches {
             let last = stretch.first + (stretch.periods - 1) * period;
             for signal in signals {
-                let spectrum = transform(&signal[last..last + period], 0.0);
+                let spectrum = transform(plan, &signal[last..last + period], 0.0);
                 for (sum, value) in power.iter_mut().zip(&spectrum).skip(1) {
                     *sum += value.norm_sqr();
                 }
@@ -171,9 +190,7 @@ fn excited(
 }
 
 /// Amplitudes of a period's lines, a trend of so much per sample taken out first.
-fn transform(period: &[f64], slope: f64) -> Vec<Complex64> {
-    let length = period.len();
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+fn transform(plan: &dyn RealToComplex<f64>, period: &[f64], slope: f64) -> Vec<Complex64> {
     let mut input: Vec<f64> = (period.iter().enumerate())
         .map(|(k, x)| x - slope * k as f64)
         .collect();
@@ -182,7 +199,7 @@ fn transform(period: &[f64], slope: f64) -> Vec<Complex64> {
     if plan.process(&mut input, &mut output).is_err() {
         return output;
     }
-    let scale = 2.0 / length as f64;
+    let scale = 2.0 / period.len() as f64;
     output.iter().map(|x| x * scale).collect()
 }
 
@@ -193,11 +210,12 @@ fn mean(x: &[f64]) -> f64 {
 /// The spectra of a stretch.
 fn experiment(
     record: &Record,
-    torque: &[Vec<f64>],
+    friction: &[Vec<f64>],
     stretch: Stretch,
-    period: usize,
+    plan: &dyn RealToComplex<f64>,
     lines: &[usize],
 ) -> Result<Experiment, FrfError> {
+    let period = plan.len();
     let starts: Vec<usize> = (0..stretch.periods)
         .map(|p| stretch.first + p * period)
         .collect();
@@ -211,18 +229,15 @@ fn experiment(
             let (before, after) = (p.saturating_sub(1), (p + 1).min(means.len() - 1));
             let slope = (means[after] - means[before]) / ((after - before).max(1) * period) as f64;
             let slope = if removes_trend { slope } else { 0.0 };
-            transform(&signal[start..start + period], slope)
+            transform(plan, &signal[start..start + period], slope)
         };
         starts.iter().enumerate().map(one).collect()
     };
     let whole = |signals: &[Vec<f64>], trend| -> Vec<Vec<Vec<Complex64>>> {
         signals.iter().map(|signal| of(signal, trend)).collect()
     };
-    let (q, torque, link) = (
-        whole(&record.q, true),
-        whole(torque, false),
-        whole(&record.link, true),
-    );
+    let (q, link) = (whole(&record.q, true), whole(&record.link, true));
+    let [torque, friction] = [&record.torque, friction].map(|of| whole(of, false));
     let transient = transient(&q, lines);
     let pick = |of: &[Vec<Vec<Complex64>>], lines: &[usize]| -> Spectra {
         (transient..stretch.periods)
@@ -251,6 +266,7 @@ fn experiment(
         swing,
         q: pick(&q, lines),
         torque: pick(&torque, lines),
+        friction: pick(&friction, lines),
         link: pick(&link, lines),
         detection,
         transient,

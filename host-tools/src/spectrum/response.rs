@@ -16,6 +16,8 @@ use super::experiments::{Experiment, Experiments, Spectra, averaged};
 const SAME_POINT: f64 = 0.3;
 /// The greatest condition number of the torques of a block's experiments.
 const CONDITION: f64 = 1e3;
+/// Neighbouring lines to each side over which a variance is averaged: one of few blocks is worth little alone.
+const SMOOTHED: usize = 2;
 
 /// A matrix of responses at each line.
 pub(super) type Response = Vec<DMatrix<Complex64>>;
@@ -34,6 +36,8 @@ pub(super) struct Point {
     pub(super) noise: Vec<DMatrix<f64>>,
     /// Variance by the scatter over blocks: noise and distortion. Of one block that of the noise.
     pub(super) variance: Vec<DMatrix<f64>>,
+    /// The larger of the two over the squared mean, averaged over neighbouring lines.
+    pub(super) relative: Vec<DMatrix<f64>>,
     /// Degrees of freedom of the variance.
     pub(super) dof: usize,
     /// Response of the link's encoder, and its noise; empty if there is none.
@@ -148,6 +152,7 @@ fn point(
         q: q.collect(),
         path: group[0].path.clone(),
         blocks,
+        relative: relative(&mean, &variance, &noise),
         mean,
         noise,
         variance,
@@ -250,6 +255,28 @@ fn scatter(blocks: &[Response], mean: &Response) -> Vec<DMatrix<f64>> {
         })
     };
     mean.iter().enumerate().map(line).collect()
+}
+
+/// Relative variance of each element, averaged over neighbouring lines.
+fn relative(
+    mean: &Response,
+    variance: &[DMatrix<f64>],
+    noise: &[DMatrix<f64>],
+) -> Vec<DMatrix<f64>> {
+    let own = |line: usize| {
+        let larger = variance[line].zip_map(&noise[line], f64::max);
+        larger.zip_map(&mean[line], |variance, mean| {
+            variance / mean.norm_sqr().max(1e-300)
+        })
+    };
+    let all: Vec<DMatrix<f64>> = (0..mean.len()).map(own).collect();
+    let averaged = |line: usize| {
+        let near = &all[line.saturating_sub(SMOOTHED)..(line + SMOOTHED + 1).min(all.len())];
+        let (rows, columns) = near[0].shape();
+        let sum = (near.iter()).fold(DMatrix::zeros(rows, columns), |sum, own| sum + own);
+        sum / near.len() as f64
+    };
+    (0..all.len()).map(averaged).collect()
 }
 
 /// Power at silent lines of one parity over that at excited lines, per line.

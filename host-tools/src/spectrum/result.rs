@@ -219,8 +219,8 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     let in_newtons = records[0].unit == TorqueUnit::NewtonMetre;
     // A model's friction and masses are of no use in A.
     let model = model.filter(|_| in_newtons);
-    let drives = springs::drives(model, &joints, 1.0);
-    let experiments = Experiments::find(&records, &drives)?;
+    let drives = springs::drives(model, &joints);
+    let mut experiments = Experiments::find(&records, &drives)?;
     let points = response::points(&experiments)?;
     answering(&experiments, &points)?;
     let frequencies = experiments.frequencies();
@@ -230,8 +230,8 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     // The same measurement with less dry friction subtracted.
     let doubted = match model {
         Some(_) => {
-            let less = springs::drives(model, &joints, 1.0 - FRICTION_DOUBT);
-            response::points(&Experiments::find(&records, &less)?)?
+            experiments.give_back(FRICTION_DOUBT);
+            response::points(&experiments)?
         }
         None => Vec::new(),
     };

@@ -22,12 +22,12 @@ pub(super) const FRICTION_DOUBT: f64 = 0.05;
 /// some per cent, and a sag of 0.01 rad moves inertias by less than 1 %.
 const SAG_FITS: usize = 2;
 
-/// The joints' drives by a model, dry friction times a factor; without a model nothing is known.
-pub(super) fn drives(model: Option<&Model>, joints: &[String], factor: f64) -> Vec<Drive> {
+/// The joints' drives by a model; without a model nothing is known.
+pub(super) fn drives(model: Option<&Model>, joints: &[String]) -> Vec<Drive> {
     let value =
         |effect, joint: &String| known(model, effect, joint).map_or(0.0, |(value, _)| value);
     let drive = |joint| Drive {
-        coulomb: factor * value("coulomb", joint),
+        coulomb: value("coulomb", joint),
         armature: value("armature", joint),
     };
     joints.iter().map(drive).collect()
