@@ -4,6 +4,8 @@
 //! resonance alone (Wernholt & Moberg 2011). Its variance is that of G over |G|², plus a share that the model lacks: the same at all lines,
 //! as large as the residuals show (median), so that lines without noise do not rule.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 use proprio_solve::bounded::inverse;
 use realfft::num_complex::Complex64;
@@ -27,8 +29,9 @@ const LEAST_ERROR: f64 = 1e-3;
 pub(super) const FIRST_ERROR: f64 = 0.05;
 /// Parts of the lines that are left out in turn.
 const TENTHS: usize = 10;
-/// A fit stands when no entry moves by more than this.
-const SETTLED: f64 = 1e-6;
+/// A fit stands when a step promises or gains less than this of its weighted squares: such a step moves no entry by more than a hundredth of its standard
+/// deviation.
+const SETTLED: f64 = 1e-4;
 
 /// What is fitted.
 pub(super) struct Problem<'a> {
@@ -99,24 +102,26 @@ impl Problem<'_> {
         lacking: f64,
     ) -> HeapFactor {
         let own = self.points[point];
-        let response = block.map_or(&own.mean, |b| &own.blocks[b]);
-        // A block weighs as much as its share of the mean.
-        let share = block.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
+        let is_few = !own.torque.is_empty();
+        let averaged = block.filter(|_| !is_few);
+        let response = averaged.map_or(&own.mean, |b| &own.blocks[b]);
+        // A block weighs as much as its share of a mean.
+        let share = averaged.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
+        let columns = own.columns(block);
         let unknowns = model.first().map_or(0, Derived::unknowns);
         let mut factor = HeapFactor::new(unknowns);
         let mut rows = Vec::new();
         for line in lines {
-            let modelled = &model[line].response;
-            let n = modelled.nrows();
-            for (i, j) in (0..n).flat_map(|i| (i..n).map(move |j| (i, j))) {
-                // The model is symmetric, so that two elements ask the same of the unknowns: their weighted mean says all of it.
-                let elements = [(i, j), (j, i)]
-                    .into_iter()
-                    .take(if i == j { 1 } else { 2 });
+            let modelled = own.predicted(line, &model[line].response);
+            let elements = (0..own.q.len()).flat_map(|i| columns.clone().map(move |j| (i, j)));
+            for (i, j) in elements.filter(|(i, j)| is_few || i <= j) {
+                // Responses are symmetric in the model, so that two of them ask the same of the unknowns: their weighted mean says all of it.
+                let twins = if is_few || i == j { 1 } else { 2 };
+                let elements = [(i, j), (j, i)].into_iter().take(twins);
                 let (mut information, mut sum) = (0.0, Complex64::default());
                 for element in elements {
                     let measured = &response[line];
-                    if let Some((error, std)) = residual(own, line, measured, modelled, element) {
+                    if let Some((error, std)) = residual(own, line, measured, &modelled, element) {
                         let weight = weight(std, lacking) / share;
                         information += weight * weight;
                         sum += error * (weight * weight);
@@ -127,7 +132,11 @@ impl Problem<'_> {
                 }
                 let weight = information.sqrt();
                 let by = weight / modelled[(i, j)];
-                let row = model[line].slopes(i, j).iter().map(|slope| slope * by);
+                let slopes = match own.torque.get(line) {
+                    Some(torque) => Cow::Owned(model[line].slopes_of_output(i, torque.column(j))),
+                    None => Cow::Borrowed(model[line].slopes(i, j)),
+                };
+                let row = slopes.iter().map(|slope| slope * by);
                 let row = row.chain([sum / weight]);
                 rows.extend(row.clone().map(|x| x.re));
                 rows.extend(row.map(|x| x.im));
@@ -226,7 +235,14 @@ impl Problem<'_> {
             };
             let prior = prior_factor(layout, &state.x);
             let factor = stacked([&prior].into_iter().chain(&factors));
-            let mut moved = f64::INFINITY;
+            let promised: f64 = (0..x.len())
+                .filter_map(|k| factor.row(k).last())
+                .map(|z| z * z)
+                .sum();
+            if promised.is_nan() || promised < SETTLED {
+                break;
+            }
+            let before = state.cost;
             // Ten times the damping up to ten times: then no direction falls.
             for _ in 0..10 {
                 let step = damped(&factor, damping);
@@ -238,15 +254,14 @@ impl Problem<'_> {
                     .collect();
                 let cost = self.cost(layout, &next, lacking);
                 if cost < state.cost {
-                    moved = step.amax();
                     state = State { x: next, cost };
                     damping = (damping / 10.0).max(1e-9);
                     break;
                 }
                 damping *= 10.0;
             }
-            // Infinite where no damping made the cost fall.
-            if moved.is_infinite() || moved.is_nan() || moved <= SETTLED {
+            let gained = before - state.cost;
+            if gained.is_nan() || gained < SETTLED {
                 break;
             }
         }
@@ -396,11 +411,17 @@ fn residuals<'a>(
     own: &'a Point,
     model: &'a [DMatrix<Complex64>],
 ) -> impl Iterator<Item = (Complex64, f64)> + 'a {
-    let n = own.q.len();
-    let elements = (0..model.len())
-        .flat_map(move |line| (0..n).flat_map(move |i| (0..n).map(move |j| (line, (i, j)))));
-    elements
-        .filter_map(|(line, element)| residual(own, line, &own.mean[line], &model[line], element))
+    (0..model.len()).flat_map(move |line| {
+        let modelled = own.predicted(line, &model[line]);
+        let found = |element| residual(own, line, &own.mean[line], &modelled, element);
+        elements(own).filter_map(found).collect::<Vec<_>>()
+    })
+}
+
+/// All elements of a point's mean.
+pub(super) fn elements(own: &Point) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let columns = own.columns(None);
+    (0..own.q.len()).flat_map(move |i| columns.clone().map(move |j| (i, j)))
 }
 
 impl Fit {

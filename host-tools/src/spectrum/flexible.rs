@@ -14,7 +14,7 @@
 //!
 //! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i; to those of a bend w = S A⁻¹ e_b.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVectorView};
 use realfft::num_complex::Complex64;
 
 use super::layout::{Layout, Unknown};
@@ -50,6 +50,22 @@ impl Derived {
         let count = self.slopes.nrows();
         let first = (i + self.response.nrows() * j) * count;
         &self.slopes.as_slice()[first..first + count]
+    }
+
+    /// Derivatives of what joint i does under some torques.
+    pub(super) fn slopes_of_output(
+        &self,
+        i: usize,
+        torque: DVectorView<'_, Complex64>,
+    ) -> Vec<Complex64> {
+        let mut sum = vec![Complex64::default(); self.unknowns()];
+        for (j, by) in torque.iter().enumerate() {
+            let slopes = self.slopes(i, j);
+            sum.iter_mut()
+                .zip(slopes)
+                .for_each(|(sum, slope)| *sum += slope * by);
+        }
+        sum
     }
 
     /// How many unknowns there are.
@@ -115,8 +131,9 @@ fn outer(
     a: &[Complex64],
     b: &[Complex64],
 ) {
-    let elements = b.iter().flat_map(|b| a.iter().map(move |a| by * a * b));
-    for (slope, element) in slopes.row_mut(unknown).iter_mut().zip(elements) {
+    let columns = b.iter().map(|b| by * b);
+    let elements = columns.flat_map(|b| a.iter().map(move |a| a * b));
+    for (slope, element) in slopes.column_mut(unknown).iter_mut().zip(elements) {
         *slope -= element;
     }
 }
@@ -210,17 +227,19 @@ impl<'a> At<'a> {
     pub(super) fn derived(&self, omega: f64, dt: f64) -> Option<Derived> {
         let n = self.joints.len();
         let mut response = zeros(n);
-        let mut slopes = DMatrix::zeros(self.scales.len(), n * n);
+        // A column for each unknown while they are summed: what is written lies side by side.
+        let mut slopes = DMatrix::zeros(n * n, self.scales.len());
         self.each_alias((omega, dt), |own, s, by| {
             add(&mut response, by, &own.p);
             self.add_slopes(&mut slopes, (s, by), own, dt);
         })?;
         if let Some(index) = self.layout.index(Unknown::Delay) {
             let by = Complex64::new(0.0, -omega) * self.scales[index];
-            for (slope, response) in slopes.row_mut(index).iter_mut().zip(&response) {
+            for (slope, response) in slopes.column_mut(index).iter_mut().zip(&response) {
                 *slope = response * by;
             }
         }
+        let slopes = slopes.transpose();
         Some(Derived { response, slopes })
     }
 

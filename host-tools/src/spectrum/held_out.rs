@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::fit::{FIRST_ERROR, HeldOut, Problem, residual, weight};
+use super::fit::{FIRST_ERROR, HeldOut, Problem, elements, residual, weight};
 use super::flexible::At;
 use super::layout::Layout;
 use super::linear::{damped, stacked};
@@ -59,13 +59,13 @@ impl Problem<'_> {
         x: &[f64],
     ) -> Option<Vec<HeldOut>> {
         let own = self.points[point];
-        let n = own.q.len();
         let at = At::new(&self.plants[point], layout, x);
         let mut errors = Vec::new();
         for line in lines {
             let model = at.response(self.omega[line], self.dt)?;
-            for element in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                let found = residual(own, line, &own.mean[line], &model, element);
+            let modelled = own.predicted(line, &model);
+            for element in elements(own) {
+                let found = residual(own, line, &own.mean[line], &modelled, element);
                 errors.extend(found.map(|(error, std)| HeldOut {
                     magnitude: error.re,
                     square: error.norm_sqr() * weight(std, 0.0).powi(2),

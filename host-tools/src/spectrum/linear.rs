@@ -146,3 +146,36 @@ pub(super) fn damped(factor: &HeapFactor, damping: f64) -> DVector<f64> {
     whole.solve_before(n, &mut step);
     DVector::from_vec(step).map(|s| s.clamp(-LONGEST_STEP, LONGEST_STEP))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What merging from both ends leaves out is what merging all others leaves out.
+    #[test]
+    fn each_one_is_left_out_alone() {
+        const COLUMNS: usize = 3;
+        let number = |k: usize| (1.7 * (k * k) as f64).sin();
+        let factor = |n: usize| {
+            let mut rows: Vec<f64> = (0..5 * (COLUMNS + 1)).map(|k| number(40 * n + k)).collect();
+            let mut factor = HeapFactor::new(COLUMNS);
+            fold(&mut factor, &mut rows);
+            factor
+        };
+        let factors: Vec<HeapFactor> = (0..6).map(factor).collect();
+        let prior = factor(9);
+        let steps = without_each(&factors, &prior);
+        assert_eq!(steps.len(), factors.len());
+        for (n, step) in steps.iter().enumerate() {
+            let others = factors.iter().enumerate().filter(|(k, _)| *k != n);
+            let others = others.map(|(_, factor)| factor).chain([&prior]);
+            let exact = damped(&stacked(others), 0.0);
+            assert!(
+                (step - &exact).norm() < 1e-12 * exact.norm(),
+                "{n}: {step} {exact}"
+            );
+            let all = damped(&stacked(factors.iter().chain([&prior])), 0.0);
+            assert!((step - all).norm() > 1e-3 * exact.norm(), "{n}");
+        }
+    }
+}
