@@ -109,7 +109,7 @@ pub enum FrfError {
     },
     /// Experiments that do not move the joints independently.
     #[error(
-        "point {point}, block {block}: the {joints} experiments are not independent: condition number {condition:.0} at {f:.1} Hz, at most 1000 is allowed"
+        "point {point}, block {block}: the {joints} experiments are not independent: condition number {condition:.1e} at {f:.1} Hz, at most 1e3 is allowed"
     )]
     NotIndependent {
         /// Which point, counted from 1.
