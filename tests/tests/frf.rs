@@ -380,7 +380,7 @@ fn fewer_experiments_than_joints_give_the_springs() {
     let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
     let mut within = 0_u32;
     for joint in ["yaw", "shoulder", "elbow"] {
-        for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.08)] {
+        for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.12)] {
             let (wrong, z) = error_of(&found, &truth, &format!("{what}:{joint}"));
             assert!(
                 wrong.abs() < share,
@@ -391,7 +391,12 @@ fn fewer_experiments_than_joints_give_the_springs() {
         }
     }
     assert!(within >= 5, "{within} of 6 within 2 standard deviations");
-    assert_eq!(found["candidates"], Value::Array(Vec::new()));
+    // No link bends.
+    let candidates = found["candidates"].as_array().unwrap();
+    assert!(
+        candidates.iter().all(|one| one["taken"] == false),
+        "{candidates:?}"
+    );
     let error = &found["error"];
     assert!(
         number(&error["after"]) < 0.4 * number(&error["before"]),

@@ -91,6 +91,9 @@ impl Frf {
             .collect();
         match self.verbose {
             true => summary.screen(&wrote, "") + &found.details(),
+            false if self.experiments.is_some() => {
+                summary.screen(&wrote, "--verbose (values, points)")
+            }
             false => summary.screen(
                 &wrote,
                 "--verbose (values, points), --html frf.html, -o responses.csv",

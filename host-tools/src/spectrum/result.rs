@@ -204,6 +204,9 @@ pub struct Frf {
     /// The logs.
     #[serde(skip)]
     pub(super) logs: Vec<PathBuf>,
+    /// Experiments of a block, where they were said to be fewer than joints.
+    #[serde(skip)]
+    pub(super) few: Option<usize>,
 }
 
 /// Frequency responses of logs; with a model their springs and dampers, of one joint also without. Blocks have as many experiments as joints, or `few`: then
@@ -289,6 +292,7 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>, few: Option<usize>) -> Resul
         bends: Vec::new(),
         dampers: Vec::new(),
         logs: logs.to_vec(),
+        few,
         joints,
     };
     if let Some(own) = &fitted {
