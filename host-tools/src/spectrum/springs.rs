@@ -282,7 +282,12 @@ pub(super) fn with_model<'a>(
     let (rigid, found) = arm.springs()?;
     let springs = found.fit.error();
     let (found, candidates) = bends::search(&arm, found)?;
-    let doubtful = doubtful(&found.fit, &found.links);
+    // Without blocks of responses no scatter shows the distortion, so that lines weigh too much and move right masses too.
+    let has_responses = points.iter().all(|point| point.torque.is_empty());
+    let doubtful = match has_responses {
+        true => doubtful(&found.fit, &found.links),
+        false => Vec::new(),
+    };
     let Found {
         bends,
         mut fit,
