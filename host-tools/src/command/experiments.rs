@@ -21,6 +21,9 @@ pub(super) struct ExperimentArguments {
     /// Blocks of random phases at each point, of --frf: each has as many experiments as joints [default: 2]
     #[arg(long, value_name = "N", requires = "frf", value_parser = clap::value_parser!(u32).range(1..1000))]
     blocks: Option<u32>,
+    /// Experiments of a block, of --frf: fewer than joints leave time for more points [default: as many as joints]
+    #[arg(long, value_name = "N", requires = "frf", value_parser = clap::value_parser!(u32).range(1..1000))]
+    experiments: Option<u32>,
     /// Periods of each experiment, of --frf; the first is transient [default: 3]
     #[arg(long, value_name = "N", requires = "frf", value_parser = clap::value_parser!(u32).range(3..1000))]
     periods: Option<u32>,
@@ -38,7 +41,7 @@ type Band = [f64; 2];
 impl ExperimentArguments {
     /// Whether one of them was given.
     pub(super) fn any(&self) -> bool {
-        let counts = [self.points, self.blocks, self.periods];
+        let counts = [self.points, self.blocks, self.experiments, self.periods];
         counts.iter().any(Option::is_some) || self.band.is_some() || self.excitation.is_some()
     }
 
@@ -48,6 +51,7 @@ impl ExperimentArguments {
         FrfSettings {
             points: count(self.points, POINTS),
             blocks: count(self.blocks, BLOCKS),
+            experiments: self.experiments.map(|count| count as usize),
             periods: count(self.periods, PERIODS),
             period: period.unwrap_or(PERIOD),
             band: self.band,

@@ -31,6 +31,9 @@ pub(crate) struct Frf {
     /// The model of the robot: masses, armature, Coulomb friction
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
+    /// Experiments of each block, where they are fewer than joints: there are no responses then, and the model's are fitted to the positions
+    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["output", "html"], value_parser = clap::value_parser!(u32).range(1..1000))]
+    experiments: Option<u32>,
     /// Write springs, links that bend and their dampers into the model file, as far as they are identified
     #[arg(long, requires = "model")]
     apply: bool,
@@ -52,7 +55,11 @@ impl Frf {
     pub(crate) fn run(self) -> Result<String, Error> {
         let model = self.model.as_deref().map(Model::load).transpose()?;
         let underway = Underway::new("Transforming");
-        let found = frf(&self.logs, model.as_ref())?;
+        let found = frf(
+            &self.logs,
+            model.as_ref(),
+            self.experiments.map(|n| n as usize),
+        )?;
         drop(underway);
         for warning in &found.warnings {
             eprintln!("warning: {warning}");
@@ -84,6 +91,9 @@ impl Frf {
             .collect();
         match self.verbose {
             true => summary.screen(&wrote, "") + &found.details(),
+            false if self.experiments.is_some() => {
+                summary.screen(&wrote, "--verbose (values, points)")
+            }
             false => summary.screen(
                 &wrote,
                 "--verbose (values, points), --html frf.html, -o responses.csv",

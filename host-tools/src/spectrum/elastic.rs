@@ -49,7 +49,7 @@ fn elastic(logs: &[PathBuf], model: &Model) -> Option<Vec<(String, f64)>> {
     if logs.is_empty() || !logs.iter().all(is_excited) {
         return None;
     }
-    let found = frf(logs, Some(model)).ok()?;
+    let found = frf(logs, Some(model), None).ok()?;
     let error = found.error();
     let (before, after) = (error.before?, error.after?);
     if before < RIGID_MISSES || after > SPRINGS_LEAVE * before {

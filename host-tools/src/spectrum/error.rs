@@ -95,9 +95,21 @@ pub enum FrfError {
         /// 0.8 of half the sampling rate, Hz.
         limit: f64,
     },
+    /// Lines that are aliases of higher ones.
+    #[error("{}: lines are aliases: at {f:.1} Hz the position of {joint} has the velocity of {velocity:.0} Hz", .path.display())]
+    Aliased {
+        /// The file.
+        path: PathBuf,
+        /// The joint.
+        joint: String,
+        /// The line in the middle of the band, Hz.
+        f: f64,
+        /// What its velocity says, Hz.
+        velocity: f64,
+    },
     /// Experiments that do not move the joints independently.
     #[error(
-        "point {point}, block {block}: the {joints} experiments are not independent: condition number {condition:.0} at {f:.1} Hz, at most 1000 is allowed"
+        "point {point}, block {block}: the {joints} experiments are not independent: condition number {condition:.1e} at {f:.1} Hz, at most 1e3 is allowed"
     )]
     NotIndependent {
         /// Which point, counted from 1.
@@ -113,15 +125,17 @@ pub enum FrfError {
     },
     /// A point with fewer experiments than joints.
     #[error(
-        "point {point}: {experiments} experiments of {joints} joints; each block needs as many as joints"
+        "point {point}: {experiments} experiments of {joints} joints; each block needs {needed}"
     )]
     FewExperiments {
         /// Which point, counted from 1.
         point: usize,
         /// Found there.
         experiments: usize,
-        /// Needed for each block.
+        /// Of the robot.
         joints: usize,
+        /// Needed for each block.
+        needed: usize,
     },
     /// Logs that do not belong together.
     #[error("{}: {what}", .path.display())]
@@ -198,11 +212,14 @@ impl FrfError {
             Self::FewPeriods { .. } => "record more periods of the same excitation",
             Self::FewLines { .. } => "excite more lines: 12 or more around the resonances",
             Self::BeyondNyquist { .. } => "sample faster, or excite lower lines",
+            Self::Aliased { .. } => {
+                "record every sample of the drive, or low-pass before samples are left out; a velocity of other units than the position looks the same"
+            }
             Self::NotIndependent { .. } => {
                 "give the joints another sign pattern in each experiment, such as the rows of an orthogonal matrix"
             }
             Self::FewExperiments { .. } => {
-                "at each point, make as many experiments as joints in one run of the log, without another point in between"
+                "at each point, make as many experiments as joints in one run of the log, without another point in between; of a plan with fewer in each block, give their number: --experiments N"
             }
             Self::Differs { .. } => "give logs of the same joints, rate and excitation together",
             Self::PointMoves { .. } => {

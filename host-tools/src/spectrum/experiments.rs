@@ -1,17 +1,22 @@
 //! Experiments: the spectra of a stretch's periods, transients left out.
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
+use realfft::{RealFftPlanner, RealToComplex};
 
 use super::error::FrfError;
-use super::friction::{Drive, without_friction};
+use super::friction::{Drive, dry_friction};
 use super::periods::{Stretch, stretches};
 use super::record::{Record, TorqueUnit};
+use crate::parallel::by_number;
+use crate::robust::median;
 
 /// A line counts as excited from this share of the largest amplitude.
 const EXCITED: f64 = 0.05;
 /// Excited lines that a fit needs: twice the parameters of one elastic joint.
 pub(crate) const LEAST_LINES: usize = 12;
+/// An alias is recognised by its velocity, which is that of the line itself: it exceeds what the position's line has by this factor. A line beyond half the
+/// sampling rate whose alias is below [`HIGHEST`] of that is 1.5 times as high as the alias or more; velocities read too high by 11 % at most on real drives.
+const ALIAS: f64 = 1.3;
 /// Lines beyond this share of the Nyquist frequency are refused: the hold's own zero and aliases rule there.
 pub(crate) const HIGHEST: f64 = 0.8;
 /// A period whose distance from the later ones exceeds theirs by this factor is transient still.
@@ -41,6 +46,8 @@ pub(super) struct Experiment {
     pub(super) q: Spectra,
     /// Torque there, without dry friction.
     pub(super) torque: Spectra,
+    /// The dry friction.
+    friction: Spectra,
     /// The link's encoder there, or empty.
     pub(super) link: Spectra,
     /// Position at lines within the band that nothing excites: even and odd ones, mean over periods, of each joint.
@@ -97,15 +104,20 @@ impl Experiments {
                 )));
             }
         }
-        let lines = excited(records, &found, period)?;
+        let plan = &*RealFftPlanner::<f64>::new().plan_fft_forward(period);
+        let lines = excited(records, &found, plan)?;
+        for (record, (_, stretches)) in records.iter().zip(&found) {
+            is_sampled_fast(record, stretches[0], plan, &lines)?;
+        }
         let mut all = Vec::new();
         for (record, (_, stretches)) in records.iter().zip(&found) {
-            let torque = without_friction(record, drives);
-            for stretch in stretches {
-                all.push(experiment(record, &torque, *stretch, period, &lines)?);
+            let friction = dry_friction(record, drives);
+            let of = |n: usize| experiment(record, &friction, stretches[n], plan, &lines);
+            for own in by_number(0..stretches.len(), of) {
+                all.push(own?);
             }
         }
-        Ok(Self {
+        let mut found = Self {
             joints: first.joints.clone(),
             unit: first.unit,
             dt: first.dt,
@@ -113,7 +125,20 @@ impl Experiments {
             lines,
             has_reference: records.iter().all(|r| !r.reference.is_empty()),
             all,
-        })
+        };
+        found.give_back(-1.0);
+        Ok(found)
+    }
+
+    /// Gives a share of the dry friction back to the torque: what would have been measured of drives with less of it.
+    pub(super) fn give_back(&mut self, share: f64) {
+        for own in &mut self.all {
+            let lines = own.torque.iter_mut().zip(&own.friction);
+            let lines = lines.flat_map(|(to, from)| to.iter_mut().zip(from));
+            for (to, from) in lines.flat_map(|(to, from)| to.iter_mut().zip(from)) {
+                *to += share * from;
+            }
+        }
     }
 
     /// The excited frequencies, Hz.
@@ -127,8 +152,9 @@ impl Experiments {
 fn excited(
     records: &[Record],
     found: &[(usize, Vec<Stretch>)],
-    period: usize,
+    plan: &dyn RealToComplex<f64>,
 ) -> Result<Vec<usize>, FrfError> {
+    let period = plan.len();
     let mut power = vec![0.0; period / 2 + 1];
     for (record, (_, stretches)) in records.iter().zip(found) {
         let signals = if record.reference.is_empty() {
@@ -139,7 +165,7 @@ fn excited(
         for stretch in stretches {
             let last = stretch.first + (stretch.periods - 1) * period;
             for signal in signals {
-                let spectrum = transform(&signal[last..last + period], 0.0);
+                let spectrum = transform(plan, &signal[last..last + period], 0.0);
                 for (sum, value) in power.iter_mut().zip(&spectrum).skip(1) {
                     *sum += value.norm_sqr();
                 }
@@ -170,10 +196,35 @@ fn excited(
     Ok(lines)
 }
 
+/// Refuses lines that are aliases: the velocity, where it is recorded, is of another frequency than the position.
+fn is_sampled_fast(
+    record: &Record,
+    stretch: Stretch,
+    plan: &dyn RealToComplex<f64>,
+    lines: &[usize],
+) -> Result<(), FrfError> {
+    let last = stretch.first + (stretch.periods - 1) * plan.len();
+    let seconds = plan.len() as f64 * record.dt;
+    for ((q, dq), joint) in record.q.iter().zip(&record.dq).zip(&record.joints) {
+        let [q, dq] = [q, dq].map(|x| transform(plan, &x[last..last + plan.len()], 0.0));
+        let hertz = |line: usize| dq[line].norm() / q[line].norm() / std::f64::consts::TAU;
+        let higher = lines.iter().map(|&l| hertz(l) * seconds / l as f64);
+        // Of most lines: noise of the velocity exceeds small positions at some.
+        if median(higher).is_some_and(|share| share > ALIAS) {
+            let line = lines[lines.len() / 2];
+            return Err(FrfError::Aliased {
+                path: record.path.clone(),
+                joint: joint.clone(),
+                f: line as f64 / seconds,
+                velocity: hertz(line),
+            });
+        }
+    }
+    Ok(())
+}
+
 /// Amplitudes of a period's lines, a trend of so much per sample taken out first.
-fn transform(period: &[f64], slope: f64) -> Vec<Complex64> {
-    let length = period.len();
-    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+fn transform(plan: &dyn RealToComplex<f64>, period: &[f64], slope: f64) -> Vec<Complex64> {
     let mut input: Vec<f64> = (period.iter().enumerate())
         .map(|(k, x)| x - slope * k as f64)
         .collect();
@@ -182,7 +233,7 @@ fn transform(period: &[f64], slope: f64) -> Vec<Complex64> {
     if plan.process(&mut input, &mut output).is_err() {
         return output;
     }
-    let scale = 2.0 / length as f64;
+    let scale = 2.0 / period.len() as f64;
     output.iter().map(|x| x * scale).collect()
 }
 
@@ -193,11 +244,12 @@ fn mean(x: &[f64]) -> f64 {
 /// The spectra of a stretch.
 fn experiment(
     record: &Record,
-    torque: &[Vec<f64>],
+    friction: &[Vec<f64>],
     stretch: Stretch,
-    period: usize,
+    plan: &dyn RealToComplex<f64>,
     lines: &[usize],
 ) -> Result<Experiment, FrfError> {
+    let period = plan.len();
     let starts: Vec<usize> = (0..stretch.periods)
         .map(|p| stretch.first + p * period)
         .collect();
@@ -211,18 +263,15 @@ fn experiment(
             let (before, after) = (p.saturating_sub(1), (p + 1).min(means.len() - 1));
             let slope = (means[after] - means[before]) / ((after - before).max(1) * period) as f64;
             let slope = if removes_trend { slope } else { 0.0 };
-            transform(&signal[start..start + period], slope)
+            transform(plan, &signal[start..start + period], slope)
         };
         starts.iter().enumerate().map(one).collect()
     };
     let whole = |signals: &[Vec<f64>], trend| -> Vec<Vec<Vec<Complex64>>> {
         signals.iter().map(|signal| of(signal, trend)).collect()
     };
-    let (q, torque, link) = (
-        whole(&record.q, true),
-        whole(torque, false),
-        whole(&record.link, true),
-    );
+    let (q, link) = (whole(&record.q, true), whole(&record.link, true));
+    let [torque, friction] = [&record.torque, friction].map(|of| whole(of, false));
     let transient = transient(&q, lines);
     let pick = |of: &[Vec<Vec<Complex64>>], lines: &[usize]| -> Spectra {
         (transient..stretch.periods)
@@ -251,6 +300,7 @@ fn experiment(
         swing,
         q: pick(&q, lines),
         torque: pick(&torque, lines),
+        friction: pick(&friction, lines),
         link: pick(&link, lines),
         detection,
         transient,

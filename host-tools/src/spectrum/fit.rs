@@ -4,29 +4,34 @@
 //! resonance alone (Wernholt & Moberg 2011). Its variance is that of G over |G|², plus a share that the model lacks: the same at all lines,
 //! as large as the residuals show (median), so that lines without noise do not rule.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
-use proprio_solve::bounded::{inverse, triangle};
+use proprio_solve::bounded::inverse;
 use realfft::num_complex::Complex64;
 
 use super::flexible::{At, Derived, Plant};
 use super::layout::Layout;
-use super::linear::{damped, jackknife, larger, moved_by_priors, prior_rows, stacked};
+use super::linear::{
+    by_owner, damped, fold, jackknife, larger, moved_by_priors, prior_factor, prior_rows, stacked,
+    without_each,
+};
 use super::response::{Point, Response};
+use crate::estimate::factor::{BATCH, HeapFactor};
 use crate::parallel::by_number;
 use crate::robust::{median, scale};
 
 /// Elements whose relative variance is greater are left out: the logarithm of what is mostly noise is biased.
 pub(super) const LEAST_KNOWN: f64 = 0.25;
-/// Neighbouring lines to each side over which a variance is averaged: one of few blocks is worth little alone.
-const SMOOTHED: usize = 2;
 /// No response is better known than this share: rounding of encoders and of the model's aliases.
 const LEAST_ERROR: f64 = 1e-3;
 /// The error share before residuals have shown one.
 pub(super) const FIRST_ERROR: f64 = 0.05;
 /// Parts of the lines that are left out in turn.
 const TENTHS: usize = 10;
-/// A fit stands when no entry moves by more than this.
-const SETTLED: f64 = 1e-6;
+/// A fit stands when a step promises or gains less than this of its weighted squares: such a step moves no entry by more than a hundredth of its standard
+/// deviation.
+const SETTLED: f64 = 1e-4;
 
 /// What is fitted.
 pub(super) struct Problem<'a> {
@@ -73,43 +78,6 @@ pub(super) struct State {
 }
 
 impl Problem<'_> {
-    /// Relative variance of an element at a line, averaged over neighbours.
-    pub(super) fn relative_variance(&self, point: &Point, line: usize, i: usize, j: usize) -> f64 {
-        let lines = line.saturating_sub(SMOOTHED)..(line + SMOOTHED + 1).min(point.mean.len());
-        let count = lines.len() as f64;
-        let of = |l: usize| {
-            let variance = point.variance[l][(i, j)].max(point.noise[l][(i, j)]);
-            variance / point.mean[l][(i, j)].norm_sqr().max(1e-300)
-        };
-        lines.map(of).sum::<f64>() / count
-    }
-
-    /// Residuals ln(G/Ĝ) of `response` at some lines of a point: line, element, value, its standard deviation from scatter of each component.
-    fn residuals<'m>(
-        &self,
-        point: usize,
-        response: &Response,
-        lines: std::ops::Range<usize>,
-        model: impl Fn(usize) -> &'m DMatrix<Complex64>,
-    ) -> Vec<(usize, usize, usize, Complex64, f64)> {
-        let own = self.points[point];
-        let mut all = Vec::new();
-        for line in lines {
-            let model = model(line);
-            let n = model.nrows();
-            for i in 0..n {
-                for j in 0..n {
-                    let variance = self.relative_variance(own, line, i, j);
-                    let error = (response[line][(i, j)] / model[(i, j)]).ln();
-                    if variance < LEAST_KNOWN && error.is_finite() {
-                        all.push((line, i, j, error, (0.5 * variance).sqrt()));
-                    }
-                }
-            }
-        }
-        all
-    }
-
     /// The model's response and derivatives at all lines of a point.
     pub(super) fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
         let at = At::new(&self.plants[point], layout, x);
@@ -124,70 +92,91 @@ impl Problem<'_> {
         lines.map(|&omega| at.response(omega, self.dt)).collect()
     }
 
-    /// Weighted rows of a point's mean, or of one of its blocks, between two lines.
-    pub(super) fn rows(
+    /// Weighted rows of a point's mean, or of one of its blocks, at some lines, as a factor.
+    pub(super) fn factor(
         &self,
         point: usize,
         block: Option<usize>,
-        lines: std::ops::Range<usize>,
+        lines: impl Iterator<Item = usize>,
         model: &[Derived],
         lacking: f64,
-    ) -> DMatrix<f64> {
+    ) -> HeapFactor {
         let own = self.points[point];
-        let response = block.map_or(&own.mean, |b| &own.blocks[b]);
-        // A block weighs as much as its share of the mean.
-        let share = block.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
-        let kept = self.residuals(point, response, lines, |line| &model[line].response);
-        let unknowns = model.first().map_or(0, |m| m.slopes.len());
-        let mut rows = DMatrix::zeros(2 * kept.len(), unknowns + 1);
-        for (k, &(line, i, j, error, std)) in kept.iter().enumerate() {
-            let weight = weight(std, lacking) / share;
-            for (u, slope) in model[line].slopes.iter().enumerate() {
-                let relative = slope[(i, j)] / model[line].response[(i, j)] * weight;
-                rows[(2 * k, u)] = relative.re;
-                rows[(2 * k + 1, u)] = relative.im;
+        let is_few = !own.torque.is_empty();
+        let averaged = block.filter(|_| !is_few);
+        let response = averaged.map_or(&own.mean, |b| &own.blocks[b]);
+        // A block weighs as much as its share of a mean.
+        let share = averaged.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
+        let columns = own.columns(block);
+        let unknowns = model.first().map_or(0, Derived::unknowns);
+        let mut factor = HeapFactor::new(unknowns);
+        let mut rows = Vec::new();
+        for line in lines {
+            let modelled = own.predicted(line, &model[line].response);
+            let elements = (0..own.q.len()).flat_map(|i| columns.clone().map(move |j| (i, j)));
+            for (i, j) in elements.filter(|(i, j)| is_few || i <= j) {
+                // Responses are symmetric in the model, so that two of them ask the same of the unknowns: their weighted mean says all of it.
+                let twins = if is_few || i == j { 1 } else { 2 };
+                let elements = [(i, j), (j, i)].into_iter().take(twins);
+                let (mut information, mut sum) = (0.0, Complex64::default());
+                for element in elements {
+                    let measured = &response[line];
+                    if let Some((error, std)) = residual(own, line, measured, &modelled, element) {
+                        let weight = weight(std, lacking) / share;
+                        information += weight * weight;
+                        sum += error * (weight * weight);
+                    }
+                }
+                if information == 0.0 {
+                    continue;
+                }
+                let weight = information.sqrt();
+                let by = weight / modelled[(i, j)];
+                let slopes = match own.torque.get(line) {
+                    Some(torque) => Cow::Owned(model[line].slopes_of_output(i, torque.column(j))),
+                    None => Cow::Borrowed(model[line].slopes(i, j)),
+                };
+                let row = slopes.iter().map(|slope| slope * by);
+                let row = row.chain([sum / weight]);
+                rows.extend(row.clone().map(|x| x.re));
+                rows.extend(row.map(|x| x.im));
             }
-            rows[(2 * k, unknowns)] = error.re * weight;
-            rows[(2 * k + 1, unknowns)] = error.im * weight;
+            if rows.len() >= BATCH * (unknowns + 1) {
+                fold(&mut factor, &mut rows);
+                rows.clear();
+            }
         }
-        rows
+        fold(&mut factor, &mut rows);
+        factor
     }
 
-    /// Rows of all points' means, each as a triangle.
-    fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
+    /// Factors of all points' means.
+    fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<HeapFactor>> {
         let of_point = |point: usize| {
             let model = self.model(point, layout, x)?;
-            Some(triangle(self.rows(
-                point,
-                None,
-                0..self.used,
-                &model,
-                lacking,
-            )))
+            Some(self.factor(point, None, 0..self.used, &model, lacking))
         };
         by_number(0..self.points.len(), of_point)
             .into_iter()
             .collect()
     }
 
-    /// The triangles of what is left out in turn, each with its point: blocks of points, or where there is one alone stretches of lines.
+    /// The factors of what is left out in turn, each with its point: blocks of points, or where there is one alone stretches of lines.
     fn leave_out(
         &self,
         layout: &Layout,
         x: &[f64],
         lacking: f64,
-    ) -> Option<Vec<(usize, DMatrix<f64>)>> {
+    ) -> Option<Vec<(usize, HeapFactor)>> {
         let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
         let of_point = |point: usize| {
             let model = self.model(point, layout, x)?;
-            let rows = |block, lines| triangle(self.rows(point, block, lines, &model, lacking));
-            let all: Vec<(usize, DMatrix<f64>)> = if blocks > 2 {
+            let factor = |block, lines| (point, self.factor(point, block, lines, &model, lacking));
+            let all: Vec<(usize, HeapFactor)> = if blocks > 2 {
                 let blocks = 0..self.points[point].blocks.len();
-                let of = |block| (point, rows(Some(block), 0..self.used));
-                blocks.map(of).collect()
+                blocks.map(|b| factor(Some(b), 0..self.used)).collect()
             } else {
-                let lines = |k: usize| k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
-                (0..TENTHS).map(|k| (point, rows(None, lines(k)))).collect()
+                (0..TENTHS).map(|k| factor(None, self.tenth(k))).collect()
             };
             Some(all)
         };
@@ -197,22 +186,23 @@ impl Problem<'_> {
         Some(all?.concat())
     }
 
-    /// Triangles of a tenth of the lines each, at all points together.
-    fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
+    /// The lines of a tenth.
+    fn tenth(&self, k: usize) -> std::ops::Range<usize> {
+        k * self.used / TENTHS..(k + 1) * self.used / TENTHS
+    }
+
+    /// Factors of a tenth of the lines each, at all points together.
+    fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<HeapFactor>> {
         let of_point = |p: usize| {
             let model = self.model(p, layout, x)?;
-            let tenth = |k: usize| {
-                let lines = k * self.used / TENTHS..(k + 1) * self.used / TENTHS;
-                triangle(self.rows(p, None, lines, &model, lacking))
-            };
+            let tenth = |k: usize| self.factor(p, None, self.tenth(k), &model, lacking);
             Some((0..TENTHS).map(tenth).collect::<Vec<_>>())
         };
         let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
             .into_iter()
             .collect();
         let all = all?;
-        let empty = DMatrix::zeros(0, layout.unknowns.len() + 1);
-        let tenth = |k: usize| stacked(all.iter().map(|parts| &parts[k]), &empty);
+        let tenth = |k: usize| stacked(all.iter().map(|parts| &parts[k]));
         Some((0..TENTHS).map(tenth).collect())
     }
 
@@ -222,12 +212,10 @@ impl Problem<'_> {
             let Some(model) = self.responses(point, layout, x) else {
                 return f64::INFINITY;
             };
-            let mean = &self.points[point].mean;
-            let all = self.residuals(point, mean, 0..model.len(), |line| &model[line]);
-            let square = |(_, _, _, error, std): &(_, _, _, Complex64, f64)| {
-                error.norm_sqr() * weight(*std, lacking).powi(2)
-            };
-            all.iter().map(square).sum::<f64>()
+            let all = residuals(self.points[point], &model);
+            let square =
+                |(error, std): (Complex64, f64)| error.norm_sqr() * weight(std, lacking).powi(2);
+            all.map(square).sum::<f64>()
         };
         // In the order of the points, so that the sum is the same every time.
         let costs = by_number(0..self.points.len(), of_point);
@@ -245,8 +233,16 @@ impl Problem<'_> {
             let Some(factors) = self.factors(layout, &state.x, lacking) else {
                 break;
             };
-            let factor = stacked(factors.iter(), &prior_rows(layout, &state.x));
-            let mut moved = f64::INFINITY;
+            let prior = prior_factor(layout, &state.x);
+            let factor = stacked([&prior].into_iter().chain(&factors));
+            let promised: f64 = (0..x.len())
+                .filter_map(|k| factor.row(k).last())
+                .map(|z| z * z)
+                .sum();
+            if promised.is_nan() || promised < SETTLED {
+                break;
+            }
+            let before = state.cost;
             // Ten times the damping up to ten times: then no direction falls.
             for _ in 0..10 {
                 let step = damped(&factor, damping);
@@ -258,15 +254,14 @@ impl Problem<'_> {
                     .collect();
                 let cost = self.cost(layout, &next, lacking);
                 if cost < state.cost {
-                    moved = step.amax();
                     state = State { x: next, cost };
                     damping = (damping / 10.0).max(1e-9);
                     break;
                 }
                 damping *= 10.0;
             }
-            // Infinite where no damping made the cost fall.
-            if moved.is_infinite() || moved.is_nan() || moved <= SETTLED {
+            let gained = before - state.cost;
+            if gained.is_nan() || gained < SETTLED {
                 break;
             }
         }
@@ -309,10 +304,8 @@ impl Problem<'_> {
         let Some(factors) = self.factors(&fit.layout, &fit.x, fit.lacking) else {
             return;
         };
-        let step = damped(
-            &stacked(factors.iter(), &prior_rows(&fit.layout, &fit.x)),
-            0.0,
-        );
+        let prior = prior_factor(&fit.layout, &fit.x);
+        let step = damped(&stacked([&prior].into_iter().chain(&factors)), 0.0);
         fit.covariance += &step * step.transpose();
     }
 
@@ -321,9 +314,7 @@ impl Problem<'_> {
         let mut all = Vec::new();
         for point in 0..self.points.len() {
             let responses = self.responses(point, layout, x)?;
-            let mean = &self.points[point].mean;
-            let own = self.residuals(point, mean, 0..responses.len(), |line| &responses[line]);
-            all.extend(own.into_iter().map(|(_, _, _, error, std)| (error, std)));
+            all.extend(residuals(self.points[point], &responses));
         }
         Some(all)
     }
@@ -345,31 +336,31 @@ impl Problem<'_> {
         lacking: f64,
     ) -> Option<Vec<Vec<HeldOut>>> {
         let groups = self.leave_out(layout, x, lacking)?;
-        self.held_out(layout, x, &groups, &prior_rows(layout, x))
+        let prior = prior_factor(layout, x);
+        self.held_out(layout, x, &without_each(&by_owner(&groups), &prior), &prior)
     }
 
     /// Covariance and held-out errors of what was reached.
     pub(super) fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
         let n = layout.unknowns.len();
         let groups = self.leave_out(layout, &state.x, lacking)?;
-        let prior = prior_rows(layout, &state.x);
-        let factors: Vec<DMatrix<f64>> = groups.iter().map(|(_, factor)| factor.clone()).collect();
-        let whole = stacked(factors.iter(), &prior);
+        let prior = prior_factor(layout, &state.x);
+        let points = by_owner(&groups);
+        let whole = stacked([&prior].into_iter().chain(&points)).dense();
         let r_inverse = inverse(&whole.view((0, 0), (n, n)).into_owned());
         let posterior = &r_inverse * r_inverse.transpose();
-        let owners: Vec<usize> = groups.iter().map(|(point, _)| *point).collect();
-        let by_group = jackknife(&factors, &(0..groups.len()).collect::<Vec<_>>(), &prior);
+        let factors: Vec<HeapFactor> = groups.into_iter().map(|(_, factor)| factor).collect();
         // What the model lacks at a point is the same in all its blocks, and what it lacks about a frequency at all points.
-        let mut spread = by_group;
+        let mut spread = jackknife(&without_each(&factors, &prior));
+        let without_points = without_each(&points, &prior);
         if self.points.len() > 2 {
-            spread = larger(spread, &jackknife(&factors, &owners, &prior));
+            spread = larger(spread, &jackknife(&without_points));
         }
         let tenths = self.tenths(layout, &state.x, lacking)?;
-        let own = (0..tenths.len()).collect::<Vec<_>>();
-        spread = larger(spread, &jackknife(&tenths, &own, &prior));
-        let moved = moved_by_priors(layout, &posterior, &prior);
+        spread = larger(spread, &jackknife(&without_each(&tenths, &prior)));
+        let moved = moved_by_priors(layout, &posterior, &prior_rows(layout, &state.x));
         let covariance = spread + &moved * moved.transpose();
-        let held_out = self.held_out(layout, &state.x, &groups, &prior)?;
+        let held_out = self.held_out(layout, &state.x, &without_points, &prior)?;
         let all = self.all_residuals(layout, &state.x)?;
         let square = |(e, std): &(Complex64, f64)| e.norm_sqr() / (2.0 * std * std).max(1e-12);
         let chi_squared = all.iter().map(square).sum::<f64>() / all.len().max(1) as f64;
@@ -388,8 +379,7 @@ impl Problem<'_> {
         let mut squares = Vec::new();
         for own in &self.points {
             for line in 0..self.used {
-                for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
-                    let variance = self.relative_variance(own, line, i, j);
+                for &variance in own.relative[line].iter() {
                     if variance < LEAST_KNOWN {
                         squares.push(0.5 * variance);
                     }
@@ -398,6 +388,40 @@ impl Problem<'_> {
         }
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
+}
+
+/// Residual ln(G/Ĝ) of an element of a point's response, and its standard deviation from scatter of each component; none of what is mostly noise.
+pub(super) fn residual(
+    own: &Point,
+    line: usize,
+    measured: &DMatrix<Complex64>,
+    model: &DMatrix<Complex64>,
+    element: (usize, usize),
+) -> Option<(Complex64, f64)> {
+    let variance = own.relative[line][element];
+    if variance >= LEAST_KNOWN {
+        return None;
+    }
+    let error = (measured[element] / model[element]).ln();
+    error.is_finite().then(|| (error, (0.5 * variance).sqrt()))
+}
+
+/// All residuals of a point's mean at the lines of a model.
+fn residuals<'a>(
+    own: &'a Point,
+    model: &'a [DMatrix<Complex64>],
+) -> impl Iterator<Item = (Complex64, f64)> + 'a {
+    (0..model.len()).flat_map(move |line| {
+        let modelled = own.predicted(line, &model[line]);
+        let found = |element| residual(own, line, &own.mean[line], &modelled, element);
+        elements(own).filter_map(found).collect::<Vec<_>>()
+    })
+}
+
+/// All elements of a point's mean.
+pub(super) fn elements(own: &Point) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let columns = own.columns(None);
+    (0..own.q.len()).flat_map(move |i| columns.clone().map(move |j| (i, j)))
 }
 
 impl Fit {

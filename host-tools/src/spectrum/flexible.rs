@@ -14,7 +14,7 @@
 //!
 //! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i; to those of a bend w = S A⁻¹ e_b.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVectorView};
 use realfft::num_complex::Complex64;
 
 use super::layout::{Layout, Unknown};
@@ -40,14 +40,46 @@ pub(super) struct Plant {
 /// A response and its derivatives to all unknowns of a layout.
 pub(super) struct Derived {
     pub(super) response: DMatrix<Complex64>,
-    pub(super) slopes: Vec<DMatrix<Complex64>>,
+    /// A row for each unknown, a column for each element of the response.
+    slopes: DMatrix<Complex64>,
+}
+
+impl Derived {
+    /// Derivatives of an element to all unknowns.
+    pub(super) fn slopes(&self, i: usize, j: usize) -> &[Complex64] {
+        let count = self.slopes.nrows();
+        let first = (i + self.response.nrows() * j) * count;
+        &self.slopes.as_slice()[first..first + count]
+    }
+
+    /// Derivatives of what joint i does under some torques.
+    pub(super) fn slopes_of_output(
+        &self,
+        i: usize,
+        torque: DVectorView<'_, Complex64>,
+    ) -> Vec<Complex64> {
+        let mut sum = vec![Complex64::default(); self.unknowns()];
+        for (j, by) in torque.iter().enumerate() {
+            let slopes = self.slopes(i, j);
+            sum.iter_mut()
+                .zip(slopes)
+                .for_each(|(sum, slope)| *sum += slope * by);
+        }
+        sum
+    }
+
+    /// How many unknowns there are.
+    pub(super) fn unknowns(&self) -> usize {
+        self.slopes.nrows()
+    }
 }
 
 /// A point's plant at an entry of a fit: what all lines and aliases have in common.
 pub(super) struct At<'a> {
     plant: &'a Plant,
     layout: &'a Layout,
-    x: &'a [f64],
+    /// Of each unknown, the derivative of its SI value to its entry.
+    scales: Vec<f64>,
     /// H with what the rigid unknowns make of it.
     inertia: DMatrix<f64>,
     /// Of each joint: k, d, F_v, J, F_l.
@@ -75,10 +107,10 @@ fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
     } else {
         ALL_ALIASES
     };
+    let held = Complex64::from(1.0) - Complex64::new(0.0, -omega * dt).exp();
     (-aliases..=aliases).map(move |a| {
         let s = Complex64::new(0.0, omega + f64::from(a) * rate);
-        let hold = (Complex64::from(1.0) - Complex64::new(0.0, -omega * dt).exp()) / (s * dt);
-        (s, hold)
+        (s, held / (s * dt))
     })
 }
 
@@ -89,6 +121,21 @@ fn zeros(n: usize) -> DMatrix<Complex64> {
 /// Adds a multiple of another matrix.
 fn add(to: &mut DMatrix<Complex64>, by: Complex64, other: &DMatrix<Complex64>) {
     to.zip_apply(other, |to, other| *to += by * other);
+}
+
+/// Subtracts a multiple of a bᵀ from an unknown's derivatives.
+fn outer(
+    slopes: &mut DMatrix<Complex64>,
+    unknown: usize,
+    by: Complex64,
+    a: &[Complex64],
+    b: &[Complex64],
+) {
+    let columns = b.iter().map(|b| by * b);
+    let elements = columns.flat_map(|b| a.iter().map(move |a| a * b));
+    for (slope, element) in slopes.column_mut(unknown).iter_mut().zip(elements) {
+        *slope -= element;
+    }
 }
 
 impl<'a> At<'a> {
@@ -117,7 +164,7 @@ impl<'a> At<'a> {
         Self {
             plant,
             layout,
-            x,
+            scales: (0..x.len()).map(|index| layout.scale(x, index)).collect(),
             inertia,
             joints: (0..n).map(joint).collect(),
             bends: (0..plant.inertia.nrows() - n)
@@ -180,23 +227,26 @@ impl<'a> At<'a> {
     pub(super) fn derived(&self, omega: f64, dt: f64) -> Option<Derived> {
         let n = self.joints.len();
         let mut response = zeros(n);
-        let unknowns = self.layout.unknowns.iter();
-        let mut slopes: Vec<DMatrix<Complex64>> = unknowns.map(|_| zeros(n)).collect();
+        // A column for each unknown while they are summed: what is written lies side by side.
+        let mut slopes = DMatrix::zeros(n * n, self.scales.len());
         self.each_alias((omega, dt), |own, s, by| {
             add(&mut response, by, &own.p);
             self.add_slopes(&mut slopes, (s, by), own, dt);
         })?;
         if let Some(index) = self.layout.index(Unknown::Delay) {
-            let by = Complex64::new(0.0, -omega) * self.layout.scale(self.x, index);
-            slopes[index] = &response * by;
+            let by = Complex64::new(0.0, -omega) * self.scales[index];
+            for (slope, response) in slopes.column_mut(index).iter_mut().zip(&response) {
+                *slope = response * by;
+            }
         }
+        let slopes = slopes.transpose();
         Some(Derived { response, slopes })
     }
 
     /// Adds ∂P = −P ∂Z P of one term to the derivatives.
     fn add_slopes(
         &self,
-        slopes: &mut [DMatrix<Complex64>],
+        slopes: &mut DMatrix<Complex64>,
         (s, by): (Complex64, Complex64),
         own: &Blocks,
         dt: f64,
@@ -204,42 +254,46 @@ impl<'a> At<'a> {
         let rate = std::f64::consts::TAU / dt;
         let n = self.joints.len();
         let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
-        // t = A⁻¹ S P: a torque's effect on the links.
-        let t = a.columns(0, n) * DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
-        let links = t.nrows();
-        let one = Complex64::from(1.0);
-        // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
-        let rank_one = |to: &mut DMatrix<Complex64>, v: DVector<Complex64>, factor: Complex64| {
-            to.ger(-factor, &v, &v, one);
-        };
-        // P is symmetric, so that P (1 − S A⁻¹) e_i is the row i of P − t.
-        let bent = |i: usize| DVector::from_fn(n, |j, _| p[(j, i)] - t[(i, j)]);
-        let column = |i: usize| p.column(i).into_owned();
-        let row = |i: usize| t.row(i).transpose();
-        let mut moved = DMatrix::zeros(links, n);
+        // t = (A⁻¹ S P)ᵀ: a torque's effect on the links.
+        let sp = DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
+        let t = (a.columns(0, n) * sp).transpose();
+        // P is symmetric, so that P (1 − S A⁻¹) e_i is the row i of P − A⁻¹ S P.
+        let bent = p - t.columns(0, n);
+        let links = t.ncols();
+        let mut moved = vec![Complex64::default(); n];
         for (index, unknown) in self.layout.unknowns.iter().enumerate() {
-            let factor = by * self.layout.scale(self.x, index);
-            let to = &mut slopes[index];
-            match *unknown {
-                Unknown::Stiffness(i) => rank_one(to, bent(i), factor),
-                Unknown::Damping(i) => rank_one(to, bent(i), factor * s),
-                Unknown::Viscous(i) => rank_one(to, column(i), factor * s),
-                Unknown::Armature(i) => rank_one(to, column(i), factor * s * s),
-                Unknown::LinkViscous(i) => rank_one(to, row(i), factor * s),
-                Unknown::BendStiffness(e) => rank_one(to, row(n + e), factor),
-                Unknown::BendDamping(e) => rank_one(to, row(n + e), factor * s),
-                Unknown::LinkInertia => rank_one(to, row(0), factor * s * s),
+            let factor = by * self.scales[index];
+            let (v, factor) = match *unknown {
+                Unknown::Stiffness(i) => (bent.column(i), factor),
+                Unknown::Damping(i) => (bent.column(i), factor * s),
+                Unknown::Viscous(i) => (p.column(i), factor * s),
+                Unknown::Armature(i) => (p.column(i), factor * s * s),
+                Unknown::LinkViscous(i) => (t.column(i), factor * s),
+                Unknown::BendStiffness(e) => (t.column(n + e), factor),
+                Unknown::BendDamping(e) => (t.column(n + e), factor * s),
+                Unknown::LinkInertia => (t.column(0), factor * s * s),
+                Unknown::Delay => continue,
                 // Aliases hardly depend on the links: motors move alone there.
-                Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => {}
+                Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => continue,
                 Unknown::Rigid(m) => {
-                    let slope = &self.plant.rigid[m];
-                    for (i, j) in (0..links).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                        moved[(i, j)] = (0..links).map(|k| t[(k, j)] * slope[(i, k)]).sum();
+                    for l in 0..links {
+                        let row = self.plant.rigid[m].column(l);
+                        // A body's inertia is felt by the joints before it alone: the others have zeros.
+                        if row.iter().all(|x| *x == 0.0) {
+                            continue;
+                        }
+                        moved.fill(Complex64::default());
+                        for (x, t) in row.iter().zip(t.column_iter()) {
+                            moved.iter_mut().zip(&t).for_each(|(to, t)| *to += t * *x);
+                        }
+                        let v = t.column(l);
+                        outer(slopes, index, factor * s * s, v.as_slice(), &moved);
                     }
-                    to.gemm_tr(-factor * s * s, &t, &moved, one);
+                    continue;
                 }
-                Unknown::Delay => {}
-            }
+            };
+            // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
+            outer(slopes, index, factor, v.as_slice(), v.as_slice());
         }
     }
 
@@ -284,7 +338,8 @@ mod tests {
                 down[n] -= step;
                 let difference =
                     (at(&up).response - at(&down).response) / Complex64::from(2.0 * step);
-                let wrong = (&difference - &own.slopes[n]).norm();
+                let slope = DMatrix::from_fn(2, 2, |i, j| own.slopes(i, j)[n]);
+                let wrong = (&difference - slope).norm();
                 // A difference over 1e-6 is rounded to 2e-10 of the response.
                 let bound = 1e-5 * difference.norm() + 1e-9 * own.response.norm();
                 assert!(

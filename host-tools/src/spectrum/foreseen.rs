@@ -4,16 +4,17 @@
 //! the responses, and by what the model's masses and armature may be off ([`super::rigid::LEAST_DOUBT`]).
 
 use nalgebra::DMatrix;
-use proprio_solve::bounded::{inverse, triangle};
+use proprio_solve::bounded::inverse;
 use realfft::num_complex::Complex64;
 
 use super::error::FrfError;
 use super::flexible::{At, Plant};
 use super::layout::{Layout, Unknown};
-use super::linear::{moved_by_priors, prior_rows, stacked};
+use super::linear::{fold, moved_by_priors, prior_factor, prior_rows, stacked};
 use super::rigid::{Links, Motors};
 use super::springs::known_at;
 use super::start::{Drives, around, mean_inertia, spring_at};
+use crate::estimate::factor::HeapFactor;
 use crate::model::Model;
 
 /// Where a link swings against its held motor if the model states no spring, Hz: geared arms of 5 to 100 kg have it between 5 and 25 Hz.
@@ -156,10 +157,9 @@ impl Foreseen {
     ) -> Option<Vec<ExpectedSpring>> {
         let n = self.layout.unknowns.len();
         let joints = self.stated.len();
-        let mut factors = Vec::new();
+        let mut data = HeapFactor::new(n);
         for (plant, mean) in self.plants.iter().zip(&self.means) {
-            let mut rows = DMatrix::zeros(2 * joints * joints * self.omega.len(), n + 1);
-            let mut row = 0;
+            let mut rows = Vec::new();
             let [plant, mean] = [plant, mean].map(|of| At::new(of, &self.layout, &self.x));
             for (line, &omega) in self.omega.iter().enumerate() {
                 let own = plant.derived(omega, self.dt)?;
@@ -169,20 +169,18 @@ impl Foreseen {
                     let std = relative(line, j, value.norm());
                     // Half of the variance in each component.
                     let weight = std::f64::consts::SQRT_2 / std;
-                    for (u, slope) in own.slopes.iter().enumerate() {
-                        let slope = slope[(i, j)] / value * weight;
-                        (rows[(row, u)], rows[(row + 1, u)]) = (slope.re, slope.im);
-                    }
-                    let error = (seen[(i, j)] / value).ln() * weight;
-                    (rows[(row, n)], rows[(row + 1, n)]) = (error.re, error.im);
-                    row += 2;
+                    let slopes = own.slopes(i, j).iter();
+                    let row = slopes.map(|slope| slope / value * weight);
+                    let row = row.chain([(seen[(i, j)] / value).ln() * weight]);
+                    rows.extend(row.clone().map(|x| x.re));
+                    rows.extend(row.map(|x| x.im));
                 }
             }
-            factors.push(triangle(rows));
+            fold(&mut data, &mut rows);
         }
         let prior = prior_rows(&self.layout, &self.x);
-        let data = stacked(factors.iter(), &DMatrix::zeros(0, n + 1));
-        let whole = stacked(std::iter::once(&data), &prior);
+        let whole = stacked([&data, &prior_factor(&self.layout, &self.x)]).dense();
+        let data = data.dense();
         let own = inverse(&whole.view((0, 0), (n, n)).into_owned());
         let posterior = &own * own.transpose();
         let by_noise = &posterior * data.view((0, 0), (n, n)).transpose();

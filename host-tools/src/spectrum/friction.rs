@@ -15,13 +15,13 @@ pub(super) struct Drive {
     pub(super) armature: f64,
 }
 
-/// The torque of each joint without dry friction, which acts against the velocity.
-pub(super) fn without_friction(record: &Record, drives: &[Drive]) -> Vec<Vec<f64>> {
+/// The torque of each joint that overcomes dry friction, which acts against the velocity.
+pub(super) fn dry_friction(record: &Record, drives: &[Drive]) -> Vec<Vec<f64>> {
     let of = |joint: usize| {
         let own = &record.torque[joint];
         let drive = drives.get(joint).copied().unwrap_or_default();
         if drive.coulomb == 0.0 {
-            return own.clone();
+            return vec![0.0; own.len()];
         }
         // Recorded velocity is sharper than differences: friction's own reversal bends the position within a sample.
         let velocity: Vec<f64> = match record.dq.get(joint) {
@@ -36,9 +36,7 @@ pub(super) fn without_friction(record: &Record, drives: &[Drive]) -> Vec<Vec<f64
             0.0
         };
         let sign = |k: usize| interval_sign(&velocity, own, k, by_torque);
-        (0..own.len())
-            .map(|k| own[k] - drive.coulomb * sign(k))
-            .collect()
+        (0..own.len()).map(|k| drive.coulomb * sign(k)).collect()
     };
     (0..record.torque.len()).map(of).collect()
 }

@@ -1,53 +1,50 @@
 //! Errors of what a fit has not used: of each point by the others, of few points of each line by the others.
 
-use nalgebra::DMatrix;
+use nalgebra::DVector;
 
-use super::fit::{FIRST_ERROR, HeldOut, LEAST_KNOWN, Problem, weight};
+use super::fit::{FIRST_ERROR, HeldOut, Problem, elements, residual, weight};
 use super::flexible::At;
 use super::layout::Layout;
 use super::linear::{damped, stacked};
+use crate::estimate::factor::HeapFactor;
 use crate::parallel::by_number;
 
 impl Problem<'_> {
-    /// Errors of each point by a fit without it; of one or two points, of every fourth line by the others.
+    /// Errors of each point by a fit without it, at the end of these steps; of one or two points, of every fourth line by the others.
     pub(super) fn held_out(
         &self,
         layout: &Layout,
         x: &[f64],
-        groups: &[(usize, DMatrix<f64>)],
-        prior: &DMatrix<f64>,
+        without_points: &[DVector<f64>],
+        prior: &HeapFactor,
     ) -> Option<Vec<Vec<HeldOut>>> {
-        let by_point = self.points.len() > 2;
-        if by_point {
-            let without = |point: usize| {
-                let others = groups.iter().filter(|(own, _)| *own != point);
-                let step = damped(&stacked(others.map(|(_, factor)| factor), prior), 0.0);
-                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+        let moved = |step: &DVector<f64>| -> Vec<f64> {
+            x.iter().zip(step.iter()).map(|(x, s)| x + s).collect()
+        };
+        if self.points.len() > 2 {
+            let errors = |point: usize| {
+                let without = moved(&without_points[point]);
                 self.point_errors(point, 0..self.used, layout, &without)
             };
-            return by_number(0..self.points.len(), without)
+            return by_number(0..self.points.len(), errors)
                 .into_iter()
                 .collect();
         }
+        let models = (0..self.points.len()).map(|point| self.model(point, layout, x));
+        let models: Vec<_> = models.collect::<Option<_>>()?;
         let mut errors = Vec::new();
         // Every fourth line in turn: neighbours of a sharp resonance stay in.
         const FOLDS: usize = 4;
         for point in 0..self.points.len() {
             for fold in 0..FOLDS {
-                let mut kept = Vec::new();
-                for other in 0..self.points.len() {
-                    let model = self.model(other, layout, x)?;
-                    for line in (0..self.used).filter(|l| other != point || l % FOLDS != fold) {
-                        kept.push(self.rows(other, None, line..line + 1, &model, FIRST_ERROR));
-                    }
-                }
-                let step = damped(&stacked(kept.iter(), prior), 0.0);
-                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
-                let mut own = Vec::new();
-                for line in (fold..self.used).step_by(FOLDS) {
-                    own.extend(self.point_errors(point, line..line + 1, layout, &without)?);
-                }
-                errors.push(own);
+                let kept = models.iter().enumerate().map(|(other, model)| {
+                    let lines = (0..self.used).filter(|l| other != point || l % FOLDS != fold);
+                    self.factor(other, None, lines, model, FIRST_ERROR)
+                });
+                let kept: Vec<HeapFactor> = kept.collect();
+                let step = damped(&stacked([prior].into_iter().chain(&kept)), 0.0);
+                let lines = (fold..self.used).step_by(FOLDS);
+                errors.push(self.point_errors(point, lines, layout, &moved(&step))?);
             }
         }
         Some(errors)
@@ -57,7 +54,7 @@ impl Problem<'_> {
     fn point_errors(
         &self,
         point: usize,
-        lines: std::ops::Range<usize>,
+        lines: impl Iterator<Item = usize>,
         layout: &Layout,
         x: &[f64],
     ) -> Option<Vec<HeldOut>> {
@@ -66,15 +63,13 @@ impl Problem<'_> {
         let mut errors = Vec::new();
         for line in lines {
             let model = at.response(self.omega[line], self.dt)?;
-            for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
-                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln();
-                let variance = self.relative_variance(own, line, i, j);
-                if variance < LEAST_KNOWN && error.is_finite() {
-                    errors.push(HeldOut {
-                        magnitude: error.re,
-                        square: error.norm_sqr() * weight((0.5 * variance).sqrt(), 0.0).powi(2),
-                    });
-                }
+            let modelled = own.predicted(line, &model);
+            for element in elements(own) {
+                let found = residual(own, line, &own.mean[line], &modelled, element);
+                errors.extend(found.map(|(error, std)| HeldOut {
+                    magnitude: error.re,
+                    square: error.norm_sqr() * weight(std, 0.0).powi(2),
+                }));
             }
         }
         Some(errors)

@@ -1,32 +1,59 @@
 //! The linear algebra of a fit: rows and triangles under priors, steps, and covariances by leaving out.
 
 use nalgebra::{DMatrix, DVector};
-use proprio_solve::bounded::{inverse, triangle};
 
 use super::layout::Layout;
+use crate::estimate::factor::{BATCH, HeapFactor};
 
 /// The longest step of a logarithm.
 const LONGEST_STEP: f64 = 1.0;
 
-/// Covariance by fits that leave out the factors of each owner in turn, to first order (Efron 1982, delete-a-group jackknife).
-pub(super) fn jackknife(
-    factors: &[DMatrix<f64>],
-    owners: &[usize],
-    prior: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let n = prior.ncols() - 1;
-    let count = owners.iter().max().map_or(0, |last| last + 1);
+/// Folds rows that lie one after the other, each with its right-hand side, into a factor; they are used up.
+pub(super) fn fold(factor: &mut HeapFactor, rows: &mut [f64]) {
+    let width = factor.columns() + 1;
+    (rows.chunks_mut(BATCH * width)).for_each(|batch| factor.fold(batch));
+}
+
+/// Steps of the fits that leave out each of the factors in turn, to first order.
+pub(super) fn without_each(factors: &[HeapFactor], prior: &HeapFactor) -> Vec<DVector<f64>> {
+    // The prior and all that come behind each one, the last one's first; what comes before it grows on the way. So a factor is merged some times, and not
+    // once for each other one.
+    let mut behind = vec![prior.clone()];
+    for factor in factors.iter().skip(1).rev() {
+        let next = behind.last().map(|last| stacked([last, factor]));
+        behind.extend(next);
+    }
+    let mut before = HeapFactor::new(prior.columns());
+    let step = |(own, behind): (&HeapFactor, &HeapFactor)| {
+        let step = damped(&stacked([behind, &before]), 0.0);
+        before.merge(own);
+        step
+    };
+    factors.iter().zip(behind.iter().rev()).map(step).collect()
+}
+
+/// The factors of each owner merged; owners are numbered from 0, and each has one.
+pub(super) fn by_owner(factors: &[(usize, HeapFactor)]) -> Vec<HeapFactor> {
+    let mut all: Vec<HeapFactor> = Vec::new();
+    for (owner, factor) in factors {
+        match all.get_mut(*owner) {
+            Some(own) => own.merge(factor),
+            None => all.push(factor.clone()),
+        }
+    }
+    all
+}
+
+/// Covariance by the steps of fits that leave out one group each (Efron 1982, delete-a-group jackknife).
+pub(super) fn jackknife(steps: &[DVector<f64>]) -> DMatrix<f64> {
+    let n = steps.first().map_or(0, |step| step.len());
+    let count = steps.len() as f64;
     let mut spread = DMatrix::zeros(n, n);
-    for left_out in 0..count {
-        let others = factors
-            .iter()
-            .zip(owners)
-            .filter(|(_, owner)| **owner != left_out);
-        let step = damped(&stacked(others.map(|(factor, _)| factor), prior), 0.0);
-        spread += &step * step.transpose() * ((count as f64 - 1.0) / count as f64);
+    for step in steps {
+        spread += step * step.transpose() * ((count - 1.0) / count);
     }
     // Of few groups the spread itself is uncertain: the variance of Student's t of as many degrees of freedom.
-    let freedom = count as f64 - 1.0;
+    let freedom = count - 1.0;
     if freedom > 2.0 {
         spread *= freedom / (freedom - 2.0);
     }
@@ -63,6 +90,17 @@ pub(super) fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
     rows
 }
 
+/// The same folded.
+pub(super) fn prior_factor(layout: &Layout, x: &[f64]) -> HeapFactor {
+    let mut factor = HeapFactor::new(x.len());
+    // A row of the matrix is a column of its transpose, whose numbers lie one after the other.
+    fold(
+        &mut factor,
+        prior_rows(layout, x).transpose().as_mut_slice(),
+    );
+    factor
+}
+
 /// How far the priors' own errors move the estimates, a column each: C R_pᵀ, and where a prior is too sure so many times that. What no scatter shows.
 pub(super) fn moved_by_priors(
     layout: &Layout,
@@ -79,35 +117,65 @@ pub(super) fn moved_by_priors(
     posterior * rows.transpose()
 }
 
-/// The triangle of all rows.
-pub(super) fn stacked<'a>(
-    parts: impl Iterator<Item = &'a DMatrix<f64>>,
-    prior: &'a DMatrix<f64>,
-) -> DMatrix<f64> {
-    let columns = prior.ncols();
-    let parts: Vec<&DMatrix<f64>> = parts.chain([prior]).collect();
-    let count: usize = parts.iter().map(|p| p.nrows()).sum();
-    let mut all = DMatrix::zeros(count, columns);
-    let mut at = 0;
-    for part in parts {
-        all.view_mut((at, 0), (part.nrows(), columns))
-            .copy_from(part);
-        at += part.nrows();
-    }
-    triangle(all)
+/// The factor of all rows of some factors of the same columns.
+pub(super) fn stacked<'a>(parts: impl IntoIterator<Item = &'a HeapFactor>) -> HeapFactor {
+    let mut parts = parts.into_iter();
+    let mut whole = parts.next().map_or(HeapFactor::new(0), Clone::clone);
+    parts.for_each(|part| whole.merge(part));
+    whole
 }
 
 /// The step of min ‖R s − z‖² + damping ‖D s‖², D the columns' sizes; each entry no longer than a logarithm may move.
-pub(super) fn damped(factor: &DMatrix<f64>, damping: f64) -> DVector<f64> {
-    let n = factor.ncols() - 1;
-    let mut rows = DMatrix::zeros(n, n + 1);
+pub(super) fn damped(factor: &HeapFactor, damping: f64) -> DVector<f64> {
+    let n = factor.columns();
+    let mut squares = vec![0.0; n];
     for k in 0..n {
-        // What the data do not see is held where it is.
-        let size = factor.view((0, k), (n, 1)).norm().max(1e-6);
-        rows[(k, k)] = (damping.max(1e-12)).sqrt() * size;
+        for (square, x) in squares[k..].iter_mut().zip(factor.row(k)) {
+            *square += x * x;
+        }
     }
-    let whole = stacked(std::iter::once(factor), &rows);
-    let r = whole.view((0, 0), (n, n)).into_owned();
-    let step = inverse(&r) * whole.view((0, n), (n, 1)).column(0);
-    step.map(|s| s.clamp(-LONGEST_STEP, LONGEST_STEP))
+    let mut rows = vec![0.0; n * (n + 1)];
+    for (k, square) in squares.iter().enumerate() {
+        // What the data do not see is held where it is.
+        let size = square.sqrt().max(1e-6);
+        rows[k * (n + 1) + k] = damping.max(1e-12).sqrt() * size;
+    }
+    let mut whole = factor.clone();
+    whole.reflect(&mut rows, &|k| k + 1);
+    let mut step = vec![0.0; n];
+    whole.solve_before(n, &mut step);
+    DVector::from_vec(step).map(|s| s.clamp(-LONGEST_STEP, LONGEST_STEP))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What merging from both ends leaves out is what merging all others leaves out.
+    #[test]
+    fn each_one_is_left_out_alone() {
+        const COLUMNS: usize = 3;
+        let number = |k: usize| (1.7 * (k * k) as f64).sin();
+        let factor = |n: usize| {
+            let mut rows: Vec<f64> = (0..5 * (COLUMNS + 1)).map(|k| number(40 * n + k)).collect();
+            let mut factor = HeapFactor::new(COLUMNS);
+            fold(&mut factor, &mut rows);
+            factor
+        };
+        let factors: Vec<HeapFactor> = (0..6).map(factor).collect();
+        let prior = factor(9);
+        let steps = without_each(&factors, &prior);
+        assert_eq!(steps.len(), factors.len());
+        for (n, step) in steps.iter().enumerate() {
+            let others = factors.iter().enumerate().filter(|(k, _)| *k != n);
+            let others = others.map(|(_, factor)| factor).chain([&prior]);
+            let exact = damped(&stacked(others), 0.0);
+            assert!(
+                (step - &exact).norm() < 1e-12 * exact.norm(),
+                "{n}: {step} {exact}"
+            );
+            let all = damped(&stacked(factors.iter().chain([&prior])), 0.0);
+            assert!((step - all).norm() > 1e-3 * exact.norm(), "{n}");
+        }
+    }
 }

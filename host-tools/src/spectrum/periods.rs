@@ -1,10 +1,10 @@
 //! The period of a log, and the stretches of it that are periodic.
 
 use realfft::RealFftPlanner;
-use realfft::num_complex::Complex64;
 
 use super::error::FrfError;
 use super::record::Record;
+use crate::parallel::by_number;
 
 /// The least autocorrelation at a shift of one period. Of P equal periods in a row that differ from what follows it is (P − 1)/P: two are
 /// 0.5, three 0.67.
@@ -86,27 +86,33 @@ fn periods(signals: &[Vec<f64>]) -> Result<Vec<usize>, f64> {
     Ok((lobe.max(1)..correlation.len()).filter(is_peak).collect())
 }
 
-/// Autocorrelation of all signals together at shifts of up to half their length, 1 at none; by the spectrum, padded so that it does not
-/// wrap around.
+/// Autocorrelation of all signals together at shifts of up to half their length, 1 at none; by the spectrum, padded.
 fn autocorrelation(signals: &[Vec<f64>]) -> Vec<f64> {
     let length = signals.first().map_or(0, Vec::len);
     if length < 4 {
         return Vec::new();
     }
+    // Shifts of up to half the length do not meet what wraps around; a length of small factors is transformed several times faster than one of large.
+    let wanted = length + length / 2;
+    let padded_length = [1, 3, 5, 9, 15]
+        .map(|odd| odd * wanted.div_ceil(odd).next_power_of_two())
+        .into_iter()
+        .fold(usize::MAX, usize::min);
     let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, back) = (
-        planner.plan_fft_forward(2 * length),
-        planner.plan_fft_inverse(2 * length),
-    );
-    let mut power = forward.make_output_vec();
-    power.fill(Complex64::default());
-    for signal in signals {
-        let mut padded = signal.clone();
-        padded.resize(2 * length, 0.0);
+    let forward = &*planner.plan_fft_forward(padded_length);
+    let back = planner.plan_fft_inverse(padded_length);
+    let spectrum = |n: usize| {
+        let mut padded = signals[n].clone();
+        padded.resize(padded_length, 0.0);
         let mut spectrum = forward.make_output_vec();
-        if forward.process(&mut padded, &mut spectrum).is_err() {
+        forward.process(&mut padded, &mut spectrum).ok()?;
+        Some(spectrum)
+    };
+    let mut power = back.make_input_vec();
+    for spectrum in by_number(0..signals.len(), spectrum) {
+        let Some(spectrum) = spectrum else {
             return Vec::new();
-        }
+        };
         for (sum, value) in power.iter_mut().zip(&spectrum) {
             *sum += value.norm_sqr();
         }

@@ -202,9 +202,12 @@ fn joint_columns(
 /// The sampling period, the first of the table's columns being time.
 pub(crate) fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
     let gaps = || table.rows.windows(2).map(|two| two[1][0] - two[0][0]);
-    let mut sorted: Vec<f64> = gaps().collect();
-    sorted.sort_by(f64::total_cmp);
-    let dt = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let mut all: Vec<f64> = gaps().collect();
+    let middle = all.len() / 2;
+    let dt = match all.is_empty() {
+        true => 0.0,
+        false => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
+    };
     if dt.is_nan() || dt <= 0.0 {
         return Err(FrfError::Columns {
             path: path.to_owned(),

@@ -6,6 +6,8 @@
 //! (Pintelon & Schoukens, *System Identification*, 2nd ed., section 2.5). Blocks with other phases are averaged as logarithms: their scatter
 //! is noise and nonlinear distortion together, that of periods noise alone.
 
+use std::borrow::Cow;
+
 use nalgebra::DMatrix;
 use realfft::num_complex::Complex64;
 
@@ -16,6 +18,8 @@ use super::experiments::{Experiment, Experiments, Spectra, averaged};
 const SAME_POINT: f64 = 0.3;
 /// The greatest condition number of the torques of a block's experiments.
 const CONDITION: f64 = 1e3;
+/// Neighbouring lines to each side over which a variance is averaged: one of few blocks is worth little alone.
+const SMOOTHED: usize = 2;
 
 /// A matrix of responses at each line.
 pub(super) type Response = Vec<DMatrix<Complex64>>;
@@ -28,12 +32,16 @@ pub(super) struct Point {
     pub(super) path: Vec<Vec<f64>>,
     /// The responses of each block.
     pub(super) blocks: Vec<Response>,
-    /// Their mean.
+    /// Their mean. Of fewer experiments than joints, which give no responses, the positions of all experiments of all blocks, a column each.
     pub(super) mean: Response,
+    /// Of fewer experiments than joints, the torques of all experiments; else empty.
+    pub(super) torque: Response,
     /// Variance of each element of the mean by the scatter over periods: noise.
     pub(super) noise: Vec<DMatrix<f64>>,
     /// Variance by the scatter over blocks: noise and distortion. Of one block that of the noise.
     pub(super) variance: Vec<DMatrix<f64>>,
+    /// The larger of the two over the squared mean, averaged over neighbouring lines.
+    pub(super) relative: Vec<DMatrix<f64>>,
     /// Degrees of freedom of the variance.
     pub(super) dof: usize,
     /// Response of the link's encoder, and its noise; empty if there is none.
@@ -46,12 +54,16 @@ pub(super) struct Point {
     pub(super) distortion: [Option<f64>; 2],
 }
 
-/// Groups experiments into points and blocks, and forms the responses.
+/// Groups experiments into points and blocks, of as many experiments as joints or of `few`, and forms the responses.
 ///
 /// # Errors
 /// [`FrfError::FewExperiments`], [`FrfError::NotIndependent`].
-pub(super) fn points(experiments: &Experiments) -> Result<Vec<Point>, FrfError> {
+pub(super) fn points(
+    experiments: &Experiments,
+    few: Option<usize>,
+) -> Result<Vec<Point>, FrfError> {
     let joints = experiments.joints.len();
+    let needed = few.map_or(joints, |few| few.min(joints));
     let mut groups: Vec<Vec<&Experiment>> = Vec::new();
     for experiment in &experiments.all {
         let near = |group: &&mut Vec<&Experiment>| is_same(group[0], experiment);
@@ -62,12 +74,16 @@ pub(super) fn points(experiments: &Experiments) -> Result<Vec<Point>, FrfError> 
     }
     let frequencies = experiments.frequencies();
     let of = |(index, group): (usize, &Vec<&Experiment>)| {
-        if group.len() % joints != 0 {
+        if group.len() % needed != 0 {
             return Err(FrfError::FewExperiments {
                 point: index + 1,
                 experiments: group.len(),
                 joints,
+                needed,
             });
+        }
+        if needed < joints {
+            return Ok(few_experiments(group, needed));
         }
         point(index, group, joints, &frequencies)
     };
@@ -137,26 +153,116 @@ fn point(
     } else {
         (Vec::new(), Vec::new())
     };
-    let periods = group.iter().map(|e| e.q.len()).min().unwrap_or(0);
+    let periods = periods(group);
     let dof = if blocks.len() > 1 {
         2 * (blocks.len() - 1)
     } else {
         2 * periods.saturating_sub(1)
     };
-    let q = (0..joints).map(|j| group.iter().map(|e| e.point[j]).sum::<f64>() / group.len() as f64);
     Ok(Point {
-        q: q.collect(),
+        q: middle(group),
         path: group[0].path.clone(),
+        torque: Vec::new(),
         blocks,
+        relative: relative(&mean, &variance, &noise),
         mean,
         noise,
         variance,
         dof,
         link,
         periods,
-        transient: group.iter().map(|e| e.transient).max().unwrap_or(0),
+        transient: transient(group),
         distortion: [0, 1].map(|parity| distortion(group, parity)),
     })
+}
+
+/// The mean position of each joint.
+fn middle(group: &[&Experiment]) -> Vec<f64> {
+    let joints = 0..group[0].point.len();
+    let mean = |j: usize| group.iter().map(|e| e.point[j]).sum::<f64>() / group.len() as f64;
+    joints.map(mean).collect()
+}
+
+/// Periods of the shortest experiment.
+fn periods(group: &[&Experiment]) -> usize {
+    group.iter().map(|e| e.q.len()).min().unwrap_or(0)
+}
+
+/// Periods left out of each experiment, at most.
+fn transient(group: &[&Experiment]) -> usize {
+    group.iter().map(|e| e.transient).max().unwrap_or(0)
+}
+
+/// A point of fewer experiments than joints in a block: what a matrix of responses would be made of. The model's responses times the torques are fitted to
+/// the positions (Zimmermann & Moberg 2023).
+fn few_experiments(group: &[&Experiment], per_block: usize) -> Point {
+    // By line a matrix of joints and experiments.
+    let columns = |of: &dyn Fn(&Experiment) -> &Spectra, group: &[&Experiment]| -> Response {
+        let means: Vec<_> = group.iter().map(|e| averaged(of(e))).collect();
+        let lines = 0..means[0].first().map_or(0, Vec::len);
+        let line = |l: usize| DMatrix::from_fn(means[0].len(), means.len(), |i, e| means[e][i][l]);
+        lines.map(line).collect()
+    };
+    let mean = columns(&|e| &e.q, group);
+    let noise: Vec<DMatrix<f64>> = (mean.iter().enumerate())
+        .map(|(line, mean)| {
+            DMatrix::from_fn(mean.nrows(), mean.ncols(), |i, e| {
+                let own = &group[e].q;
+                let square = |q: &Vec<Vec<Complex64>>| (q[i][line] - mean[(i, e)]).norm_sqr();
+                own.iter().map(square).sum::<f64>()
+                    / (own.len().saturating_sub(1).max(1) * own.len()) as f64
+            })
+        })
+        .collect();
+    Point {
+        q: middle(group),
+        path: group[0].path.clone(),
+        blocks: group
+            .chunks(per_block)
+            .map(|block| columns(&|e| &e.q, block))
+            .collect(),
+        torque: columns(&|e| &e.torque, group),
+        relative: relative(&mean, &noise, &noise),
+        mean,
+        variance: noise.clone(),
+        noise,
+        dof: 2 * periods(group).saturating_sub(1),
+        link: (Vec::new(), Vec::new()),
+        periods: periods(group),
+        transient: transient(group),
+        distortion: [0, 1].map(|parity| distortion(group, parity)),
+    }
+}
+
+impl Point {
+    /// What a model's responses say of a line of [`mean`](Self::mean).
+    pub(super) fn predicted<'m>(
+        &self,
+        line: usize,
+        model: &'m DMatrix<Complex64>,
+    ) -> Cow<'m, DMatrix<Complex64>> {
+        match self.torque.get(line) {
+            Some(torque) => Cow::Owned(model * torque),
+            None => Cow::Borrowed(model),
+        }
+    }
+
+    /// Whether its variance is that of blocks.
+    pub(super) fn scatters_by_blocks(&self) -> bool {
+        self.blocks.len() > 1 && self.torque.is_empty()
+    }
+
+    /// Columns of the mean, and of a block of it.
+    pub(super) fn columns(&self, block: Option<usize>) -> std::ops::Range<usize> {
+        let all = 0..self.mean.first().map_or(0, |m| m.ncols());
+        match block {
+            Some(block) if !self.torque.is_empty() => {
+                let count = all.end / self.blocks.len().max(1);
+                block * count..(block + 1) * count
+            }
+            _ => all,
+        }
+    }
 }
 
 /// U⁻¹ at each line; or the line at which it is worst, and its condition number.
@@ -250,6 +356,28 @@ fn scatter(blocks: &[Response], mean: &Response) -> Vec<DMatrix<f64>> {
         })
     };
     mean.iter().enumerate().map(line).collect()
+}
+
+/// Relative variance of each element, averaged over neighbouring lines.
+fn relative(
+    mean: &Response,
+    variance: &[DMatrix<f64>],
+    noise: &[DMatrix<f64>],
+) -> Vec<DMatrix<f64>> {
+    let own = |line: usize| {
+        let larger = variance[line].zip_map(&noise[line], f64::max);
+        larger.zip_map(&mean[line], |variance, mean| {
+            variance / mean.norm_sqr().max(1e-300)
+        })
+    };
+    let all: Vec<DMatrix<f64>> = (0..mean.len()).map(own).collect();
+    let averaged = |line: usize| {
+        let near = &all[line.saturating_sub(SMOOTHED)..(line + SMOOTHED + 1).min(all.len())];
+        let (rows, columns) = near[0].shape();
+        let sum = (near.iter()).fold(DMatrix::zeros(rows, columns), |sum, own| sum + own);
+        sum / near.len() as f64
+    };
+    (0..all.len()).map(averaged).collect()
 }
 
 /// Power at silent lines of one parity over that at excited lines, per line.

@@ -204,13 +204,17 @@ pub struct Frf {
     /// The logs.
     #[serde(skip)]
     pub(super) logs: Vec<PathBuf>,
+    /// Experiments of a block, where they were said to be fewer than joints.
+    #[serde(skip)]
+    pub(super) few: Option<usize>,
 }
 
-/// Frequency responses of logs; with a model their springs and dampers, of one joint also without.
+/// Frequency responses of logs; with a model their springs and dampers, of one joint also without. Blocks have as many experiments as joints, or `few`: then
+/// there are springs and no responses.
 ///
 /// # Errors
 /// [`FrfError`].
-pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
+pub fn frf(logs: &[PathBuf], model: Option<&Model>, few: Option<usize>) -> Result<Frf, FrfError> {
     let mut records = Vec::new();
     for path in logs {
         records.push(Record::read(path, model)?);
@@ -219,9 +223,9 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     let in_newtons = records[0].unit == TorqueUnit::NewtonMetre;
     // A model's friction and masses are of no use in A.
     let model = model.filter(|_| in_newtons);
-    let drives = springs::drives(model, &joints, 1.0);
-    let experiments = Experiments::find(&records, &drives)?;
-    let points = response::points(&experiments)?;
+    let drives = springs::drives(model, &joints);
+    let mut experiments = Experiments::find(&records, &drives)?;
+    let points = response::points(&experiments, few)?;
     answering(&experiments, &points)?;
     let frequencies = experiments.frequencies();
     let omega: Vec<f64> = (frequencies.iter())
@@ -230,8 +234,8 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     // The same measurement with less dry friction subtracted.
     let doubted = match model {
         Some(_) => {
-            let less = springs::drives(model, &joints, 1.0 - FRICTION_DOUBT);
-            response::points(&Experiments::find(&records, &less)?)?
+            experiments.give_back(FRICTION_DOUBT);
+            response::points(&experiments, few)?
         }
         None => Vec::new(),
     };
@@ -288,11 +292,18 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
         bends: Vec::new(),
         dampers: Vec::new(),
         logs: logs.to_vec(),
+        few,
         joints,
     };
     if let Some(own) = &fitted {
         let (problem, fit) = (&own.problem, &own.fit);
         found.take(own, model)?;
+        if !own.doubtful.is_empty() {
+            found.warnings.push(format!(
+                "masses are doubtful: the responses contradict the model's bodies behind {} by more than their standard deviations; weigh them, or identify slower motion",
+                own.doubtful.join(", ")
+            ));
+        }
         found.curves = curves(&points, &frequencies, &found.joints, Some((problem, fit)));
         found.links = links(&points, &found.joints, problem, fit);
     } else {
@@ -311,11 +322,18 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
 /// Refuses joints whose own responses are noise.
 fn answering(experiments: &Experiments, points: &[Point]) -> Result<(), FrfError> {
     for (i, joint) in experiments.joints.iter().enumerate() {
-        let lines = points.iter().flat_map(|p| p.mean.iter().zip(&p.noise));
         let (mut silent, mut all) = (0, 0);
-        for (mean, noise) in lines {
-            all += 1;
-            silent += usize::from(4.0 * noise[(i, i)] > mean[(i, i)].norm_sqr());
+        for point in points {
+            // Of a joint's own torque, or of all experiments that drive all joints.
+            let own = match point.torque.is_empty() {
+                true => i..i + 1,
+                false => point.columns(None),
+            };
+            for (mean, noise) in point.mean.iter().zip(&point.noise) {
+                all += own.len();
+                let is_silent = |j: &usize| 4.0 * noise[(i, *j)] > mean[(i, *j)].norm_sqr();
+                silent += own.clone().filter(is_silent).count();
+            }
         }
         let share = silent as f64 / all.max(1) as f64;
         if share > SILENT {
@@ -344,7 +362,9 @@ fn measured_point(point: &Point) -> MeasuredPoint {
         periods: point.periods,
         transient: point.transient,
         noise: relative(&point.noise),
-        scatter: (point.blocks.len() > 1).then(|| relative(&point.variance)),
+        scatter: point
+            .scatters_by_blocks()
+            .then(|| relative(&point.variance)),
         even_distortion: point.distortion[0].map(f64::sqrt),
         odd_distortion: point.distortion[1].map(f64::sqrt),
     }
@@ -591,6 +611,10 @@ fn curves(
     let pair = |x: realfft::num_complex::Complex64| [x.re, x.im];
     let mut all = Vec::new();
     for (p, point) in points.iter().enumerate() {
+        // Without a matrix of responses there is nothing to draw.
+        if !point.torque.is_empty() {
+            continue;
+        }
         let model: Vec<_> = match fitted {
             Some((problem, fit)) => {
                 let at = At::new(&problem.plants[p], &fit.layout, &fit.x);

@@ -48,6 +48,8 @@ pub(super) struct Links {
     felt: Vec<usize>,
     /// Of each direction by how much more than that it may be off.
     doubts: Vec<f64>,
+    /// Of each direction the joint that carries the body.
+    owners: Vec<String>,
 }
 
 impl Links {
@@ -72,7 +74,7 @@ impl Links {
                 joint: joint.clone(),
             })?);
         }
-        let (directions, doubts) = directions(model, dynamics.joints())?;
+        let (directions, doubts, owners) = directions(model, dynamics.joints())?;
         let mut links = Self {
             dynamics,
             places,
@@ -80,6 +82,7 @@ impl Links {
             felt: Vec::new(),
             directions,
             doubts,
+            owners,
         };
         // Directions that are felt at some point.
         let middles: Result<Vec<Plant>, FrfError> =
@@ -92,6 +95,7 @@ impl Links {
         let felt: Vec<usize> = (0..links.directions.ncols()).filter(is_felt).collect();
         links.directions = links.directions.select_columns(&felt);
         links.doubts = felt.iter().map(|&m| links.doubts[m]).collect();
+        links.owners = felt.iter().map(|&m| links.owners[m].clone()).collect();
         links.felt = felt;
         Ok(links)
     }
@@ -132,6 +136,11 @@ impl Links {
     /// Of each rigid direction by how many of its standard deviations the bodies may be off.
     pub(super) fn doubts(&self) -> &[f64] {
         &self.doubts
+    }
+
+    /// Of each rigid direction the joint that carries the body.
+    pub(super) fn owners(&self) -> &[String] {
+        &self.owners
     }
 
     /// Where the links are that motors at `own` hold by springs of this compliance: q − c g(q) of the links themselves. Bends have no motor: q is 0.
@@ -230,15 +239,19 @@ fn divided(mut plant: Plant, by: f64) -> Plant {
     plant
 }
 
+/// Directions, by how much more bodies may be off in each, and the joint that carries the body.
+type Directions = (DMatrix<f64>, Vec<f64>, Vec<String>);
+
 /// Directions in which each body may be off, and by how much more: its parameters' standard deviations as identified, or the CAD's prior.
-fn directions(model: &Model, joints: &[String]) -> Result<(DMatrix<f64>, Vec<f64>), FrfError> {
+fn directions(model: &Model, joints: &[String]) -> Result<Directions, FrfError> {
     let width = joints.len() * INERTIAL;
     let mut columns: Vec<DVector<f64>> = Vec::new();
-    let mut doubts = Vec::new();
+    let (mut doubts, mut owners) = (Vec::new(), Vec::new());
     for (n, joint) in joints.iter().enumerate() {
         let body = model.robot().joint(joint)?;
         let mut add = |own: &[f64], doubt: f64| {
             doubts.push(doubt);
+            owners.push(joint.clone());
             let mut column = DVector::zeros(width);
             column.rows_mut(n * INERTIAL, INERTIAL).copy_from_slice(own);
             columns.push(column);
@@ -272,5 +285,5 @@ fn directions(model: &Model, joints: &[String]) -> Result<(DMatrix<f64>, Vec<f64
         true => DMatrix::zeros(width, 0),
         false => DMatrix::from_columns(&columns),
     };
-    Ok((directions, doubts))
+    Ok((directions, doubts, owners))
 }

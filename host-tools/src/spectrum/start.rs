@@ -1,6 +1,7 @@
 //! Where a fit begins: springs by the antiresonances of the measured responses, and what the model says.
 
 use nalgebra::DMatrix;
+use realfft::num_complex::Complex64;
 
 use super::flexible::Plant;
 use super::layout::{Layout, Unknown};
@@ -135,15 +136,20 @@ pub(super) fn joints(
     omega: &[f64],
     drives: &Drives<'_>,
 ) -> (Layout, Vec<Vec<f64>>) {
-    let springs: Vec<[f64; 2]> = (0..drives.armature.len())
-        .map(|i| {
+    let of_few = || by_motion(points, plants, omega, drives);
+    let by_antiresonance = || {
+        (0..drives.armature.len()).map(|i| {
             let place = minima(&inverse_inertia(points, omega, i), omega)
                 .first()
                 .copied();
             let place = place.unwrap_or(omega[omega.len() / 2]);
             spring_at(mean_inertia(plants, i), place)
         })
-        .collect();
+    };
+    let springs: Vec<[f64; 2]> = match points.iter().any(|p| !p.torque.is_empty()) {
+        true => of_few(),
+        false => by_antiresonance().collect(),
+    };
     let (layout, start) = around(&springs, plants, omega, drives);
     // Springs half and twice as stiff: a minimum may be a neighbour's.
     let starts = [1.0, 0.5, 2.0].map(|factor: f64| {
@@ -155,6 +161,50 @@ pub(super) fn joints(
         scaled.map(entry).collect::<Vec<f64>>()
     });
     (layout, starts.into())
+}
+
+/// Springs where there are no responses: a spring's torque is what the motor's does not accelerate, it moves the links, and is in proportion to how far
+/// motor and link are apart. Viscous friction, gravity and damping are left out: this is where a fit begins.
+fn by_motion(
+    points: &[&Point],
+    plants: &[Plant],
+    omega: &[f64],
+    drives: &Drives<'_>,
+) -> Vec<[f64; 2]> {
+    let n = drives.armature.len();
+    let (mut product, mut square) = (vec![0.0; n], vec![0.0; n]);
+    for (point, plant) in points.iter().zip(plants) {
+        let links = plant.inertia.view((0, 0), (n, n)).into_owned();
+        let Some(mobility) = links.try_inverse() else {
+            continue;
+        };
+        for ((q, torque), w) in point.mean.iter().zip(&point.torque).zip(omega) {
+            let mut spring = torque.clone();
+            for i in 0..n {
+                let motor = drives.armature[i].map_or(0.3 * plant.inertia[(i, i)], |(j, _)| j);
+                let accelerated = q.row(i) * Complex64::from(motor * w * w);
+                let mut own = spring.row_mut(i);
+                own += accelerated;
+            }
+            // −ω² H x = τ.
+            let link = mobility.map(Complex64::from) * &spring * Complex64::from(-1.0 / (w * w));
+            for i in 0..n {
+                for (torque, (q, x)) in spring.row(i).iter().zip(q.row(i).iter().zip(&link.row(i)))
+                {
+                    let apart = q - x;
+                    product[i] += (apart.conj() * torque).re;
+                    square[i] += apart.norm_sqr();
+                }
+            }
+        }
+    }
+    let spring = |i: usize| {
+        let inertia = mean_inertia(plants, i);
+        let lowest = inertia * omega[0] * omega[0];
+        let stiffness = (product[i] / square[i].max(1e-300)).max(lowest);
+        spring_at(inertia, (stiffness / inertia).sqrt())
+    };
+    (0..n).map(spring).collect()
 }
 
 /// H of a link or bend, mean over points.

@@ -69,7 +69,10 @@ impl Frf {
         let next = if applied {
             format!("proprio compare {logs}")
         } else if model.is_some() && self.error().after.is_some() {
-            format!("proprio frf {logs} --apply")
+            let few = self
+                .few
+                .map_or_else(String::new, |n| format!(" --experiments {n}"));
+            format!("proprio frf {logs}{few} --apply")
         } else {
             let stem = self
                 .logs

@@ -98,7 +98,7 @@ fn report(asked: &Excite, own: &FrfDesign, seconds: f64) -> Report {
         motion: asked.output.clone(),
         points: own.points.len(),
         blocks: own.blocks,
-        experiments: own.experiments(),
+        experiments: own.experiments,
         periods: own.periods,
         period: own.period,
         lines: own.lines.len(),
@@ -125,7 +125,7 @@ fn summary(asked: &Excite, own: &FrfDesign) -> Summary {
         "Planned {} points × {} blocks × {} experiments, {:.1} minutes: {}",
         own.points.len(),
         own.blocks,
-        own.experiments(),
+        own.experiments,
         own.duration() / 60.0,
         asked.output.display()
     );
@@ -172,6 +172,10 @@ fn summary(asked: &Excite, own: &FrfDesign) -> Summary {
     if !assumed.is_empty() {
         let _ = write!(lines, " Assumed: {}.", assumed.join("; "));
     }
+    let few = match own.experiments < own.names.len() {
+        true => format!(" --experiments {}", own.experiments),
+        false => String::new(),
+    };
     let model_file = asked.model.as_ref();
     let next = match model_file {
         Some(model) => format!(
@@ -186,8 +190,9 @@ fn summary(asked: &Excite, own: &FrfDesign) -> Summary {
         points: vec![
             springs + &model,
             lines,
-            "Play it, record q/, dq/, tau/, ref/ of each joint, then: proprio frf LOG -m MODEL"
-                .to_owned(),
+            format!(
+                "Play it, record q/, dq/, tau/, ref/ of each joint, then: proprio frf LOG -m MODEL{few}"
+            ),
         ],
         next: vec![next],
         ..Summary::default()

@@ -108,7 +108,7 @@ impl Simulate {
         if let Some(path) = &self.follow {
             if self.experiments.any() || self.period.is_some() {
                 let message =
-                    "--follow plays a plan as it is: leave out --points, --blocks, --periods, --period, --band, --excitation"
+                    "--follow plays a plan as it is: leave out --points, --blocks, --experiments, --periods, --period, --band, --excitation"
                         .to_owned();
                 usage_error("simulate", ErrorKind::ArgumentConflict, message);
             }

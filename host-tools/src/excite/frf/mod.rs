@@ -2,8 +2,8 @@
 //!
 //! At each of some points the robot is held by a soft controller while multisines are added to its torques. They have odd lines with random
 //! phases; in the n experiments of a block the phases of the n joints differ by the Fourier matrix, so that the excitations are orthogonal
-//! (Dobrowiecki, Schoukens & Guillaume 2006), and further blocks have other phases. A slow sine on the position, the carrier, keeps dry friction
-//! from holding the joints.
+//! (Dobrowiecki, Schoukens & Guillaume 2006), and further blocks have other phases. Fewer experiments are the first columns of that matrix. A slow sine on
+//! the position, the carrier, keeps dry friction from holding the joints.
 //!
 //! What the motors do is the carrier and the response to the excitation, by the model with its springs; position, velocity, torque and power of both
 //! together are proved to be within the limits between the samples too, on the ways between points as well (`super::proof`).
@@ -71,8 +71,10 @@ const DRAWS: usize = 20;
 pub struct FrfSettings {
     /// How many points.
     pub points: usize,
-    /// Blocks of random phases at each, each of as many experiments as joints.
+    /// Blocks of random phases at each.
     pub blocks: usize,
+    /// Experiments of each block; none: as many as joints. Fewer give no matrix of responses, and springs by the fit alone.
+    pub experiments: Option<usize>,
     /// Periods of each experiment, the first of them transient.
     pub periods: usize,
     /// A period, s.
@@ -101,6 +103,8 @@ pub struct FrfDesign {
     pub points: Vec<Vec<f64>>,
     /// Blocks at each.
     pub blocks: usize,
+    /// Experiments of each block.
+    pub experiments: usize,
     /// Periods of each experiment.
     pub periods: usize,
     /// A period, s: a whole number of samples.
@@ -144,8 +148,9 @@ pub fn design(
     limbs: &[Limb],
     settings: &FrfSettings,
 ) -> Result<FrfDesign, ExciteError> {
-    settings.check()?;
     let joints: Vec<usize> = limbs.iter().flat_map(|l| l.bodies.clone()).collect();
+    settings.check(joints.len())?;
+    let experiments = settings.experiments.unwrap_or(joints.len());
     let names: Vec<String> = (joints.iter())
         .map(|&j| model.joint_name(j).to_owned())
         .collect();
@@ -189,8 +194,8 @@ pub fn design(
         let swing = Swing::new(&seen, p, &signals, &gains).ok_or(ExciteError::Singular)?;
         let mut own = Vec::new();
         for _ in 0..settings.blocks {
-            let drawn = drawn(&signals, &mut rng);
-            for experiment in 0..joints.len() {
+            let drawn = drawn(&signals, experiments, &mut rng);
+            for experiment in 0..experiments {
                 let moved = swing.peaks(&signals, &drawn, experiment);
                 for (least, signal) in peaks.iter_mut().zip(signals.of(&drawn, experiment)) {
                     *least = least.min(peak(&signal));
@@ -217,11 +222,13 @@ pub fn design(
     let paths: Vec<Vec<Vec<f64>>> = points.iter().map(|q| Way::held(q).path(&slow)).collect();
     let expected = seen.along(&paths)?.expected(|line, j, size| {
         let amplitude = signals.amplitude(j, line);
-        // Of white noise s a line's amplitude has the variance 4 s²/N; n experiments of so many periods and blocks share it.
-        let averaged = (joints.len() * settings.blocks * (settings.periods - 1)) as f64;
+        // Of white noise s a line's amplitude has the variance 4 s²/N; experiments of so many periods and blocks share it.
+        let averaged = (experiments * settings.blocks * (settings.periods - 1)) as f64;
+        // What a block says of each response is shared by as many experiments as joints.
+        let blocks = (settings.blocks * experiments) as f64 / joints.len() as f64;
         let noise = 4.0 * ENCODER_NOISE.powi(2) / length as f64 / averaged;
         let noise = noise / (amplitude * size).powi(2);
-        (noise + DISTORTION.powi(2) / settings.blocks as f64).sqrt()
+        (noise + DISTORTION.powi(2) / blocks).sqrt()
     });
     let mut first = 0;
     let mut feed = Vec::new();
@@ -241,6 +248,7 @@ pub fn design(
         names,
         points,
         blocks: settings.blocks,
+        experiments,
         periods: settings.periods,
         period,
         rate: settings.rate,
@@ -259,7 +267,16 @@ pub fn design(
 }
 
 impl FrfSettings {
-    fn check(&self) -> Result<(), ExciteError> {
+    fn check(&self, joints: usize) -> Result<(), ExciteError> {
+        if let Some(experiments) = self.experiments
+            && !(1..=joints).contains(&experiments)
+        {
+            return Err(ExciteError::Setting {
+                what: "the number of experiments of a block".to_owned(),
+                must: "1 or more, and no more than joints are driven",
+                value: experiments as f64,
+            });
+        }
         let usual = Settings {
             margins: self.margins,
             period: self.period,
@@ -368,7 +385,7 @@ fn parts(model: &Model, limbs: &[Limb], settings: &FrfSettings) -> Result<Vec<Pa
 }
 
 /// Random phases by joint and line, of some draws those whose torques have the lowest peak in units of their rms.
-fn drawn(signals: &Signals, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+fn drawn(signals: &Signals, experiments: usize, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let mut draw = || -> Vec<Vec<f64>> {
         let mut phase = || std::f64::consts::TAU * rng.random::<f64>();
         let joints = 0..signals.joints();
@@ -377,8 +394,7 @@ fn drawn(signals: &Signals, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
             .collect()
     };
     let crest = |phases: &Vec<Vec<f64>>| {
-        let experiments = 0..signals.joints();
-        let all = experiments.flat_map(|e| signals.of(phases, e).into_iter().enumerate());
+        let all = (0..experiments).flat_map(|e| signals.of(phases, e).into_iter().enumerate());
         all.map(|(j, x)| peak(&x) / signals.rms(j).max(1e-300))
             .fold(0.0, f64::max)
     };
@@ -407,18 +423,13 @@ fn sentence(model: &Model, joints: &[usize], first: usize, v: &Violation) -> Str
 }
 
 impl FrfDesign {
-    /// Experiments at each point and block: as many as joints.
-    pub fn experiments(&self) -> usize {
-        self.joints.len()
-    }
-
     /// Length, s.
     pub fn duration(&self) -> f64 {
         self.samples() as f64 / self.rate
     }
 
     fn samples(&self) -> usize {
-        let experiments = self.points.len() * self.blocks * self.experiments();
+        let experiments = self.points.len() * self.blocks * self.experiments;
         let ways: usize = self.ways.iter().map(|way| way.samples).sum();
         ways + experiments * self.periods * self.signals.length()
     }
@@ -458,7 +469,7 @@ impl FrfDesign {
         let period: Rc<[Command]> = (0..length)
             .map(|k| self.command(&way.at(&self.slow, self.time(k))))
             .collect();
-        let all = (0..self.blocks).flat_map(|b| (0..self.experiments()).map(move |e| (b, e)));
+        let all = (0..self.blocks).flat_map(|b| (0..self.experiments).map(move |e| (b, e)));
         all.flat_map(move |(block, experiment)| {
             let drives = self.signals.of(&self.phases[p][block], experiment);
             let period = period.clone();
@@ -492,8 +503,7 @@ impl FrfDesign {
         &self,
         [point, block, line]: [usize; 3],
     ) -> nalgebra::DMatrix<realfft::num_complex::Complex64> {
-        let n = self.experiments();
-        nalgebra::DMatrix::from_fn(n, n, |j, e| {
+        nalgebra::DMatrix::from_fn(self.joints.len(), self.experiments, |j, e| {
             self.signals
                 .coefficient(&self.phases[point][block], j, e, line)
         })

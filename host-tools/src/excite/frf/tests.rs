@@ -9,6 +9,7 @@ fn small() -> FrfSettings {
     FrfSettings {
         points: 2,
         blocks: 1,
+        experiments: None,
         periods: 3,
         period: 2.0,
         band: None,
@@ -54,7 +55,7 @@ fn lines_are_odd_and_off_what_the_carrier_makes_of_each_other() {
 #[test]
 fn the_excitations_of_a_block_are_orthogonal() {
     let own = planned(&small()).unwrap();
-    let n = own.experiments();
+    let n = own.experiments;
     assert_eq!(n, 3);
     for line in 0..own.lines.len() {
         for point in 0..2 {
