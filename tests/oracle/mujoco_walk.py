@@ -52,10 +52,13 @@ LOGS = {
     "sway_30s": ("sway", 30.0, 3, None),
     "slip": ("trot", 4.5, 5, None),
     "hop": ("hop", 4.5, 6, None),
+    "leash": ("trot", 4.5, 1, None),
 }
 # The ground's friction: rubber on most floors, and on one where feet slide at every step.
 GROUND = 0.9
 SLIPPERY = {"slip": 0.15}
+# A leash that lifts the trunk, N: a tenth of the weight, below what says by itself that the legs do not carry the robot.
+LEASH = {"leash": 15.0}
 SLIDES = 0.02  # m/s: a foot on the ground that is faster does not creep
 STANDING = np.tile([0.0, 0.8, -1.6], 4)  # rad: where the whole robot's centre of mass is told
 HOP = 2.4, 0.60  # Hz; share of a hop with the feet on the ground
@@ -235,12 +238,19 @@ def by_hand(data, t):
     return [*force, *(150 * axis - 12 * (is_now @ data.qvel[3:6]))]
 
 
-def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=None, gravity=GRAVITY):
-    """Rows of a log; to `slides` is added how fast each foot slides that carries a force, m/s. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward."""
+def leash(lift):
+    """Force and moment on the trunk of what lifts it steadily, N."""
+    return (lambda data, t: [0, 0, lift, 0, 0, 0]) if lift else None
+
+
+def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=None, gravity=GRAVITY, outside=None):
+    """Rows of a log; to `slides` is added how fast each foot slides that carries a force, m/s. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward.
+    `outside(data, t)` is the force and moment on the trunk of what is no foot."""
     model = mujoco.MjModel.from_xml_string(mjcf(bodies, ground, gravity))
     data = mujoco.MjData(model)
     gait = gait or Gait(kind, random)
     ahead = getattr(gait, "torque", lambda t: 0.0)
+    outside = by_hand if kind == "swung" else outside
     data.qpos[2] = SWUNG if kind == "swung" else 0.30
     base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "base")
     data.qpos[7:] = gait.angles(0.0)
@@ -254,8 +264,8 @@ def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=Non
             speed = (later - want) / (CONTROL * STEP)
             torque = GAIN_P * (want - data.qpos[7:]) + GAIN_D * (speed - data.qvel[6:])
             data.ctrl[:] = np.clip(torque + ahead(max(t, 0.0)), -EFFORT, EFFORT)
-        if kind == "swung":
-            data.xfrc_applied[base] = by_hand(data, t)
+        if outside:
+            data.xfrc_applied[base] = outside(data, t)
         if t >= 0 and step % SAMPLE == min(1, SAMPLE - 1):
             mujoco.mj_forward(model, data)
             force, wrench = np.zeros(4), np.zeros(6)
@@ -359,7 +369,8 @@ def main():
             elsewhere = np.random.default_rng([seed, 5])
             gravity = float(elsewhere.uniform(*EARTH))
             bias["gyro_scale"], bias["acc_scale"] = map(float, SCALE * elsewhere.normal(size=2))
-        rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides, gravity=gravity)
+        rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides, gravity=gravity,
+                        outside=leash(LEASH.get(name)))
         packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
         (args.o / f"{name}.csv.gz").write_bytes(packed)
         air = np.mean([[f < 1e-6 for f in row[6]] for row in rows])

@@ -442,13 +442,13 @@ fn what_cannot_be_hidden_while_walking_is_refused_with_what_can() {
 
 /// A Go2 of which nothing is known but its tree, on these of its feet.
 fn unknown(feet: Vec<WalkFoot>) -> Result<WalkRobot, WalkError> {
+    of_bodies(WalkRobot::go2().bodies, feet)
+}
+
+/// The same with other bodies.
+fn of_bodies(bodies: Vec<Body<f64>>, feet: Vec<WalkFoot>) -> Result<WalkRobot, WalkError> {
     let known = WalkRobot::go2();
-    WalkRobot::new(
-        known.bodies.clone(),
-        known.facts().to_vec(),
-        feet,
-        known.imu,
-    )
+    WalkRobot::new(bodies, known.facts().to_vec(), feet, known.imu)
 }
 
 /// A posture that is found from the tree alone puts each foot on the ground within the joints' stops, and their middle below the centre of mass.
@@ -502,6 +502,30 @@ fn a_robot_walks_of_which_only_the_tree_is_known() {
         }
         assert!((carried - 1.0).abs() < 0.05, "{gait:?}: {carried}");
     }
+}
+
+/// A Go2 whose thighs hang below its hips' axes, not beside them: its feet go apart, or its trot falls.
+#[test]
+fn a_narrow_robot_puts_its_feet_apart_and_trots() {
+    let known = WalkRobot::go2();
+    let mut bodies = known.bodies.clone();
+    for leg in 0..LEGS {
+        bodies[2 + JOINTS_PER_LEG * leg].placement.translation.y = 0.0;
+    }
+    let robot = of_bodies(bodies, known.feet).unwrap();
+    let stance = robot.stance.as_ref().unwrap();
+    let aside = stance.home.iter().map(|home| home.y.abs()).sum::<f64>() / LEGS as f64;
+    assert!(aside > 0.4 * stance.height, "{aside} {}", stance.height);
+    let walk = Walk {
+        robot: Arc::new(robot),
+        ..with(
+            ideal(Gait::Trot),
+            &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
+        )
+    };
+    let mut walker = walk.walker().unwrap();
+    // With its feet as drawn it falls within two seconds.
+    walker.advance_to(4.0).unwrap();
 }
 
 /// Points under three joints a leg carry no robot on two of them: it would fall, and that is said.

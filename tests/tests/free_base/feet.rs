@@ -150,6 +150,21 @@ fn of_a_robot_that_is_swung_by_hand_the_legs_are_told_and_the_mass_is_not() {
     assert!(off.last().is_some_and(|most| *most < 4.5), "{off:?}");
 }
 
+/// A leash that lifts the trunk by a tenth of its weight: no foot tells of it, and the mass comes out lower by what it lifts. What the accelerometer's scale
+/// would have to be is then beyond belief, and that is said; of the same walk without a leash it is not.
+#[test]
+fn a_leash_is_told_by_the_accelerometers_scale() {
+    let said = |name: &str| {
+        let warnings = identified(name).warnings;
+        println!("{name}: {warnings:?}");
+        let carried = |w: &String| {
+            w.contains("the accelerometer's scale") && w.contains("something carries the robot")
+        };
+        warnings.iter().any(carried)
+    };
+    assert!(said("leash") && !said("trot"));
+}
+
 /// Blows against a calf that swaying does not explain, a tenth of a second each: their windows are left out and counted, and move no mass.
 #[test]
 fn blows_are_left_out_and_told() {
