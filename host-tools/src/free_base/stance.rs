@@ -70,6 +70,8 @@ pub(crate) struct Stance {
     pub(super) window_us: u64,
     /// Something beyond the feet carries the robot here, or no IMU tells how it moves: nothing follows from its base's equations.
     pub(super) held: Vec<bool>,
+    /// By the accelerometer the feet pull at the ground.
+    pub(super) overturned: bool,
     pub(super) shares: StanceShares,
     /// Leg by leg, in the order of time.
     pub(super) episodes: Vec<FootEpisode>,
@@ -149,6 +151,7 @@ impl Stance {
             } else {
                 vec![true; walk.len()]
             },
+            overturned: walk.imu && supported::is_overturned(&support),
             shares: shares(&reasons, robot.feet.len()),
             episodes: episodes(walk, &reasons, robot.feet.len()),
         }

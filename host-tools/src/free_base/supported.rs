@@ -47,6 +47,13 @@ pub(super) fn samples(walk: &Walk, support: &[Support], weight: f64) -> Vec<bool
         .collect()
 }
 
+/// Whether the feet would pull at the ground on the whole, which no foot can: the accelerometer's up is down, or the torques have the other sign. What
+/// hangs has feet that do neither.
+pub(super) fn is_overturned(support: &[Support]) -> bool {
+    let [needed, by_feet] = running(support).last().copied().unwrap_or_default();
+    by_feet < -LEAST_BY_FEET * needed
+}
+
 /// Sums of all samples before each, and of all.
 fn running(support: &[Support]) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];

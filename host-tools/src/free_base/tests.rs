@@ -235,6 +235,18 @@ fn a_robot_that_hangs_is_held_and_one_that_stands_or_flies_is_not() {
     assert!(held[first..].iter().all(|held| *held));
 }
 
+/// An accelerometer whose up is down makes of feet that push such as pull; a robot that hangs has neither.
+#[test]
+fn an_imu_that_is_upside_down_is_told_from_a_robot_that_hangs() {
+    let mut stands = still(600);
+    assert!(!stance_of(&stands).overturned);
+    (0..600).for_each(|n| hold(&mut stands, n, [40.0, 35.0, 40.0, 35.0]));
+    assert!(!stance_of(&stands).overturned);
+    stands.acc.fill(Vector3::new(0.0, 0.0, -9.81));
+    stands.down.fill(Vector3::z());
+    assert!(stance_of(&stands).overturned);
+}
+
 /// The position's slope where it is quieter; the reported velocity where time stamps jitter.
 #[test]
 fn velocities_come_from_the_quieter_channel() {

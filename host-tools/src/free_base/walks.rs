@@ -131,7 +131,12 @@ fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
         return told;
     }
     let held = stance.held.iter().filter(|held| **held).count() as f64 / walk.len().max(1) as f64;
-    if held > 0.0 {
+    if stance.overturned {
+        told.push(format!(
+            "{path}: by their torques the legs pull at the ground, which no foot can: the IMU is mounted upside down (state its rpy under [imu] in the \
+             model file), or the torques have the other sign; neither the trunk nor the total mass follows"
+        ));
+    } else if held > 0.0 {
         told.push(format!(
             "{path}: for {:.0} % of the time something beyond its feet carries the robot (a hand, a rope, a stand), with forces that nothing \
              tells: the trunk's equations are left out there, which leaves legs in the air; neither the trunk nor the total mass follows from them",
