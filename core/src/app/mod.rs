@@ -35,6 +35,9 @@ mod readings;
 #[cfg(test)]
 mod request_tests;
 mod requests;
+mod setup;
+#[cfg(test)]
+mod setup_tests;
 mod snapshot;
 mod solution;
 mod support;
@@ -66,6 +69,7 @@ use identity::NOBODY;
 pub use identity::{Identity, Start};
 use leg::{FOLDING_EFFORT, LegData, LegLine, STEP_EFFORT};
 use requests::Requests;
+pub use setup::{SETUP_SECTORS, setup_in};
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
 use solution::Solving;
@@ -224,7 +228,9 @@ impl<T: Real> App<T> {
         if !self.begun {
             self.reset(memory);
         }
-        self.snapshots.open(flash, &mut self.legs, &mut memory.0);
+        let setup = self.identity().start.setup;
+        self.snapshots
+            .open(flash, setup, &mut self.legs, &mut memory.0);
     }
 
     // A symbol of its own, like `step`.

@@ -15,6 +15,7 @@ mod frame;
 mod layout;
 mod request;
 pub mod rings;
+mod setup;
 #[cfg(test)]
 mod tests;
 mod walk;
@@ -27,6 +28,7 @@ pub use request::{
     ReadFactor, Request, SetZero, Zero,
 };
 
+pub use setup::Setup;
 pub use walk::{Imu, Walk, WalkCounts};
 pub use wiring::{Fault, Wiring};
 
@@ -140,6 +142,10 @@ pub struct Hello {
     pub wiring: [Wiring; LEGS],
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
+    /// What the board is set up for from its next start on.
+    pub setup: Setup,
+    /// It was so at this start as well: nothing waits for the next.
+    pub setup_in_use: bool,
 }
 
 /// Why a board started.
