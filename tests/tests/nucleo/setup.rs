@@ -21,7 +21,11 @@ fn the_nucleos_image_is_set_up_by_its_last_whole_record() {
     const CUTS_US: [u64; 3] = [ASKED_US + 6_000, 190_000 + 12_000, 850_000 + 10_000];
     const KEPT_US: u64 = 330_000;
     const OFF_US: u64 = 700_000;
-    let asked = |time_us, setup| asked(time_us, &mut Sender::default(), 1, &[Action::SetUp(setup)]);
+    // Each is a request of its own.
+    let asked = |time_us: u64, setup| {
+        let id = time_us as u32;
+        asked(time_us, &mut Sender::default(), id, &[Action::SetUp(setup)])
+    };
     let hello = |time_us| {
         let bytes = Sender::default()
             .encode(&HostMessage::RequestHello, &mut [0; MAX_FRAME])
