@@ -18,6 +18,7 @@
 //! leaves the solution and the diagnosis to the next.
 //! A leg whose zeros are unknown (`zeros`) is listened to and counted, and no more; one whose zeros were set is on trial before it is
 //! identified (`wiring`).
+//! What the board is set up for outlives all of that (`setup`).
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;

@@ -115,8 +115,7 @@ impl Sender {
 /// Where a message is before it is stuffed: behind what stuffing puts before its bytes, a zero and a length for each 254 of them.
 const FRONT: usize = 2 + MAX_FRAME.div_ceil(254);
 
-/// Message, checksum and stuffing one after the other, each a loop over all bytes: byte by byte through all three took a step of a device half as
-/// many instructions again.
+/// Message, checksum and stuffing one after the other, each a loop over all bytes: no byte waits for a call of the other two.
 fn encode<'a, V: Serialize>(value: &V, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
     let plain = buffer.get_mut(FRONT..)?;
     let length = postcard::to_slice(value, plain).ok()?.len();

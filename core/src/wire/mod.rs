@@ -4,7 +4,8 @@
 //! COBS frame between zero bytes (`frame`). So the reader finds the next frame after any damage, knows a damaged frame
 //! from a good one, and knows from the numbers how many never came.
 //!
-//! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes.
+//! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes. What a board is set up
+//! for is a [`Setup`].
 //!
 //! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled, and each kind of message has one of its own
 //! (`layout`). A device says them in its [`Hello`], before anything whose layout may differ. A host that was built later reads the
