@@ -22,13 +22,21 @@ pub trait Robot<const J: usize>: Copy + 'static {
     const BAUD: u32;
 
     /// Time between two bytes that follow each other on a motor bus, ns.
-    const BYTE_NS: u32 = (10_000_000_000 / Self::BAUD as u64) as u32;
+    const BYTE_NS: u32 = byte_ns(Self::BAUD);
 
     /// The leg on a fixed base: joints in a chain, bodies as the CAD has them.
     fn tree<T: Real>(self) -> Tree<T, J, J>;
 
     /// Lower and upper position limits of the leg's joints, rad.
     fn position_limits(self) -> [[f64; 2]; J];
+}
+
+/// Time of a byte at so many bits per second, ns: eight data bits between start and stop bit.
+pub const fn byte_ns(baud: u32) -> u32 {
+    match baud {
+        0 => 0,
+        _ => (10_000_000_000 / baud as u64) as u32,
+    }
 }
 
 /// The place of each joint's motor in a polling cycle, which is by ascending id.

@@ -4,7 +4,6 @@
 use crate::Scalar;
 use embedded_storage::nor_flash::NorFlash;
 use proprio_core::app::{App, Health, Identity, Memory, WalkingApp, WalkingMemory};
-use proprio_core::spatial::Transform;
 use proprio_core::wire::{DeviceMessage, HostMessage, Imu, Losses};
 use static_cell::ConstStaticCell;
 
@@ -92,27 +91,27 @@ impl Application for Hanging {
 pub struct Walking {
     app: &'static mut WalkingApp<Scalar>,
     memory: &'static mut WalkingMemory<Scalar>,
-    mounting: Transform<Scalar>,
 }
 
 impl Walking {
-    /// The application, of an IMU that is mounted so; once.
-    pub fn take(mounting: Transform<Scalar>) -> Self {
+    /// The application; once.
+    pub fn take() -> Self {
         static APP: ConstStaticCell<WalkingApp<Scalar>> = ConstStaticCell::new(WalkingApp::unset());
         static MEMORY: ConstStaticCell<WalkingMemory<Scalar>> =
             ConstStaticCell::new(WalkingMemory::new());
         Self {
             app: APP.take(),
             memory: MEMORY.take(),
-            mounting,
         }
     }
 }
 
 impl Application for Walking {
-    fn begin(&mut self, identity: Identity, _: &mut impl NorFlash) {
+    fn begin(&mut self, identity: Identity, flash: &mut impl NorFlash) {
+        let mounting = identity.start.setup.mounting();
         // Of the Go2's constants the priors can be made: a test does.
-        let _ = self.app.begin(self.memory, identity, &self.mounting);
+        let _ = self.app.begin(self.memory, identity, &mounting);
+        self.app.restore(flash);
     }
 
     fn handle(&mut self, message: &HostMessage) {
@@ -131,8 +130,8 @@ impl Application for Walking {
         self.app.step(self.memory, now_us, out);
     }
 
-    fn keep(&mut self, _: &mut impl NorFlash, _: u64) {
-        // A walk is short, and is not kept over the power.
+    fn keep(&mut self, flash: &mut impl NorFlash, _: u64) {
+        self.app.keep(flash);
     }
 
     fn health(&self) -> Health {

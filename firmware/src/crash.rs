@@ -1,4 +1,4 @@
-//! What ended the run before: a panic's or a fault's words, in RAM that a reset leaves as it is.
+//! What ended the run before: the words of a panic, a fault or a driver, in RAM that a reset leaves as it is.
 //!
 //! The board resets after either, so that it listens again within a second; the words are told with every hello until the power is
 //! off or the next crash. `panic-persist` keeps a panic's words alike, but neither a fault's, nor does it leave the reset to the board.
@@ -34,7 +34,7 @@ unsafe impl Sync for Kept {}
 #[unsafe(link_section = ".uninit.crash")]
 static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// What ended the run before, if that was a panic or a fault: for the start, once. Empty after any other end.
+/// What ended the run before, if that left words: for the start, once. Empty after any other end.
 pub fn take() -> &'static str {
     let record = KEPT.0.get().cast::<Record>();
     // SAFETY: the static is valid for reads, and any bits are an integer. Whoever writes to it never returns.
@@ -76,7 +76,7 @@ impl Write for Words {
 }
 
 /// Keeps words and resets the board.
-fn end(words: fmt::Arguments) -> ! {
+pub fn end(words: fmt::Arguments) -> ! {
     cortex_m::interrupt::disable();
     let mut kept = Words {
         length: 0,

@@ -8,8 +8,6 @@ pub mod application;
 pub mod board;
 pub mod crash;
 pub mod listener;
-#[cfg(feature = "nucleo-h743zi2")]
-pub mod mounting;
 pub mod stack;
 
 /// What the firmware computes with: both work; feature `single` picks the smaller.

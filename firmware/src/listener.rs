@@ -38,10 +38,11 @@ pub async fn run<B: Board, A: Application>(board: B, app: A) -> ! {
             brown_out_level: board.brown_out_level(),
             clock: board.clock(),
             crash,
+            setup: board.setup(),
         },
         load_unit: B::LOAD_UNIT,
         budget: board.budget(),
-        byte_ns: B::BYTE_NS,
+        byte_ns: board.byte_ns(),
         positions: B::POSITIONS,
     };
     defmt::info!("proprio {} on {}", identity.firmware, identity.board);

@@ -22,6 +22,8 @@ from unicorn import arm_const as arm
 
 CORE_HZ = 400_000_000
 TIMER_HZ = 200_000_000
+# PCLK1, of which the UARTs' bit rates are.
+KERNEL_HZ = 100_000_000
 MEMORY = [(0x0800_0000, 2 << 20), (0x2000_0000, 128 << 10), (0x2400_0000, 512 << 10), (0x3000_0000, 320 << 10), (0x3800_0000, 64 << 10), (0x1FF0_0000, 128 << 10)]
 PERIPHERALS = [(0x4000_0000, 0x40000), (0x5000_0000, 0x10000), (0x5200_0000, 0x10000), (0x5800_0000, 0x40000), (0x5C00_0000, 0x10000), (0xE000_0000, 0x100000)]
 BANK2 = 0x0810_0000
@@ -37,7 +39,7 @@ TIM5_IRQ, FLASH_IRQ = 50, 4
 HSE = (16, 17)
 READY = [(0, 2), (7, 8), (12, 13), (24, 25), (26, 27), (28, 29)]
 # LD1, LD2, LD3: where a port's bits are set and reset (GPIOx_BSRR), and the pin.
-# RCC_RSR when the power comes: POR, BOR, the pin, both domains, the core (RM0433, 8.7.39 and table 56).
+# RCC_RSR when the power comes: POR, BOR, the pin, both domains, the core (RM0433, RCC_RSR).
 POWER_ON = 1 << 23 | 1 << 22 | 1 << 21 | 1 << 20 | 1 << 19 | 1 << 17
 PIN, SOFTWARE, WATCHDOG = 1 << 22 | 1 << 17, 1 << 24, 1 << 26
 # FLASH_SRx.DBECCERR, and the core's CCR.BFHFNMIGN.
@@ -182,7 +184,7 @@ class Board:
         self.flash_done(0x100)
 
     def tear(self):
-        """The power fails while the last word that was begun is written: what it has is not what its checksum is of (RM0433, 4.7.6)."""
+        """The power fails while the last word that was begun is written: what it has is not what its checksum is of (RM0433, error correction of the flash)."""
         if self.written is None:
             return
         self.torn.add(self.written)
@@ -355,7 +357,7 @@ class Board:
         elif address == IWDG1:
             self.watchdog.append((self.now, value & 0xFFFF))
             if value & 0xFFFF in (0xAAAA, 0xCCCC):
-                # Of the registers' first values, where it is not told otherwise (RM0433, 46.4).
+                # Of the registers' first values, where it is not told otherwise (RM0433, IWDG_RLR).
                 divisor, reload = 4 << (self.registers.get(IWDG1 + 4, 0) & 7), self.registers.get(IWDG1 + 8, 0xFFF)
                 self.watchdog_due = self.now + (reload + 1) * divisor * CORE_HZ // LSI_HZ
         elif address in (FLASH + 0x0C, FLASH + 0x10C):
@@ -536,6 +538,12 @@ class Board:
                 until = min(until, self.now + max(400, cycles))
         self.now, self.asleep = until, False
 
+    def baud(self, uart):
+        """Bits per second by BRR and CR1.OVER8, of the kernel clock that all have (RM0433, USART_BRR)."""
+        brr, over8 = uart.registers.get(0x0C, 0), uart.registers.get(0, 0) >> 15 & 1
+        divider = brr & ~0xF | (brr & 7) << 1 if over8 else brr
+        return KERNEL_HZ * (1 + over8) // divider if divider else 0
+
     def report(self):
         pets = [at for at, key in self.watchdog if key == 0xAAAA]
         pauses = [after - before for before, after in zip(pets, pets[1:])]
@@ -548,6 +556,7 @@ class Board:
             "interrupt_instructions": {number: [len(costs), sum(costs) / len(costs), max(costs)] for number, costs in self.costs.items()},
             "starts": self.starts,
             "sectors_erased": self.erased,
+            "buses_baud": [self.baud(uart) for uart in self.uarts[:4]],
             "lights": self.shown,
         }
 

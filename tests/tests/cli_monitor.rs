@@ -195,7 +195,7 @@ fn without_a_terminal_lines_are_printed_and_a_recording_gives_them_again() {
 fn a_device_is_told_priors_and_legs() {
     let folder = folder();
     let told = "monitor sim --speed 0 --seconds 12 --json --legs FR,RL --body FR_calf=0.001 \
-                --prior viscous:FR_hip=0.3,0.00001 --prior bias=0,NAN";
+                --prior viscous:FR_hip=0.3,0.00001 --imu-at -0.02,0,0.07 --bus-baud 2000000 --prior bias=0,NAN";
     let refused = proprio(folder.path(), &told.split_whitespace().collect::<Vec<_>>());
     assert_eq!(refused.status.code(), Some(2));
     assert!(stderr(&refused).contains("NAN is no number"));
@@ -216,6 +216,8 @@ fn a_device_is_told_priors_and_legs() {
         "listen to FR RL: done",
         "prior viscous:FR_hip = 0.3",
         "body FR_calf within 0.1 %: done",
+        "set up: IMU at -0.02, 0, 0.07 m, turned by 0, 0, 0 rad; buses at 2 Mbit/s: done",
+        "kept for its next start: IMU at -0.02, 0, 0.07 m",
         "-1: cannot be",
     ] {
         assert!(events.contains(event), "{event}: {events}");

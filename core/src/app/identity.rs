@@ -1,6 +1,6 @@
 //! Who the device is: what a firmware says of itself and of its board.
 
-use crate::wire::{Clock, Positions, Reset};
+use crate::wire::{Clock, Positions, Reset, Setup};
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +35,8 @@ pub struct Start {
     pub clock: Clock,
     /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
     pub crash: &'static str,
+    /// What the board is set up for: [`setup_in`](super::setup_in) its flash.
+    pub setup: Setup,
 }
 
 impl Start {
@@ -45,6 +47,7 @@ impl Start {
         brown_out_level: None,
         clock: Clock::Unknown,
         crash: "",
+        setup: Setup::GO2,
     };
 }
 

@@ -81,6 +81,8 @@ impl<T: Real> App<T> {
             wiring: self.legs.each_ref().map(LegLine::wiring),
             kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
+            setup: self.snapshots.setup(identity.start.setup),
+            setup_in_use: self.snapshots.setup(identity.start.setup) == identity.start.setup,
         }
     }
 

@@ -18,6 +18,7 @@
 //! leaves the solution and the diagnosis to the next.
 //! A leg whose zeros are unknown (`zeros`) is listened to and counted, and no more; one whose zeros were set is on trial before it is
 //! identified (`wiring`).
+//! What the board is set up for outlives all of that (`setup`).
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;
@@ -35,6 +36,9 @@ mod readings;
 #[cfg(test)]
 mod request_tests;
 mod requests;
+mod setup;
+#[cfg(test)]
+mod setup_tests;
 mod snapshot;
 mod solution;
 mod support;
@@ -66,6 +70,7 @@ use identity::NOBODY;
 pub use identity::{Identity, Start};
 use leg::{FOLDING_EFFORT, LegData, LegLine, STEP_EFFORT};
 use requests::Requests;
+pub use setup::{SETUP_SECTORS, setup_in};
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
 use solution::Solving;
@@ -224,7 +229,9 @@ impl<T: Real> App<T> {
         if !self.begun {
             self.reset(memory);
         }
-        self.snapshots.open(flash, &mut self.legs, &mut memory.0);
+        let setup = self.identity().start.setup;
+        self.snapshots
+            .open(flash, setup, &mut self.legs, &mut memory.0);
     }
 
     // A symbol of its own, like `step`.

@@ -110,6 +110,8 @@ impl<T: Real> App<T> {
         }
         let outcome = match action {
             Action::Keep => Outcome::Accepted,
+            // Of the board, not of what it has learnt: no snapshot has it.
+            Action::SetUp(setup) => return self.snapshots.set_up(setup),
             Action::Reset => {
                 self.reset(memory);
                 // Else the next start would bring back what was to be forgotten.

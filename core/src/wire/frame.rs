@@ -5,13 +5,12 @@ use core::marker::PhantomData;
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISCSI, Crc};
 use heapless::String;
-use postcard::ser_flavors::{Flavor, crc::CrcModifier};
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::{DeviceMessage, HostMessage, Peer, SCHEMA};
 
 /// Bytes that the largest message takes on the wire; a test fills every field.
-pub const MAX_FRAME: usize = 672;
+pub const MAX_FRAME: usize = 712;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 const CRC_LEN: usize = 4;
@@ -113,64 +112,40 @@ impl Sender {
     }
 }
 
-fn encode<'a, V: Serialize>(value: &V, buffer: &'a mut [u8]) -> postcard::Result<&'a [u8]> {
-    if let Some(first) = buffer.first_mut() {
-        *first = 0;
-    }
-    let stuffed = Stuffed {
-        buffer: &mut *buffer,
-        code: 1,
-        at: 2,
-    };
-    let length = postcard::serialize_with_flavor(value, CrcModifier::new(stuffed, CRC.digest()))?;
-    Ok(buffer.get(..length).unwrap_or_default())
+/// Where a message is before it is stuffed: behind what stuffing puts before its bytes, a zero and a length for each 254 of them.
+const FRONT: usize = 2 + MAX_FRAME.div_ceil(254);
+
+/// Message, checksum and stuffing one after the other, each a loop over all bytes: no byte waits for a call of the other two.
+fn encode<'a, V: Serialize>(value: &V, buffer: &'a mut [u8]) -> Option<&'a [u8]> {
+    let plain = buffer.get_mut(FRONT..)?;
+    let length = postcard::to_slice(value, plain).ok()?.len();
+    let (message, rest) = plain.split_at_mut_checked(length)?;
+    *rest.first_chunk_mut()? = CRC.checksum(message).to_le_bytes();
+    let length = stuff(buffer, length + CRC_LEN)?;
+    buffer.get(..length)
 }
 
-/// Consistent overhead byte stuffing (Cheshire & Baker 1999) into a buffer. postcard's own would panic where there is no room.
-struct Stuffed<'a> {
-    buffer: &'a mut [u8],
-    /// Where the length of the open run of bytes goes, and where its next byte does.
-    code: usize,
-    at: usize,
-}
-
-impl Stuffed<'_> {
-    fn put(&mut self, place: usize, byte: u8) -> postcard::Result<()> {
-        let place = self.buffer.get_mut(place);
-        *place.ok_or(postcard::Error::SerializeBufferFull)? = byte;
-        Ok(())
-    }
-
-    /// Ends the run, whose length with its own byte is 255 at most, and opens the next.
-    fn end_run(&mut self) -> postcard::Result<()> {
-        self.put(self.code, (self.at - self.code) as u8)?;
-        self.code = self.at;
-        self.at += 1;
-        Ok(())
-    }
-}
-
-impl Flavor for Stuffed<'_> {
-    type Output = usize;
-
-    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        if byte == 0 {
-            return self.end_run();
+/// Consistent overhead byte stuffing (Cheshire & Baker 1999) of the bytes from [`FRONT`] on, towards the buffer's beginning; the frame's length.
+/// postcard's own would panic where there is no room.
+fn stuff(buffer: &mut [u8], length: usize) -> Option<usize> {
+    *buffer.first_mut()? = 0;
+    // Where the length of the open run of bytes goes, and where its next byte does.
+    let (mut code, mut at) = (1, 2);
+    for from in FRONT..FRONT + length {
+        let byte = *buffer.get(from)?;
+        if byte != 0 {
+            *buffer.get_mut(at)? = byte;
+            at += 1;
         }
-        self.put(self.at, byte)?;
-        self.at += 1;
-        match self.at - self.code {
-            255 => self.end_run(),
-            _ => Ok(()),
+        // A run's length with its own byte is 255 at most.
+        if byte == 0 || at - code == 255 {
+            *buffer.get_mut(code)? = (at - code) as u8;
+            (code, at) = (at, at + 1);
         }
     }
-
-    /// The length of the frame.
-    fn finalize(mut self) -> postcard::Result<usize> {
-        self.end_run()?;
-        self.put(self.code, 0)?;
-        Ok(self.at)
-    }
+    *buffer.get_mut(code)? = (at - code) as u8;
+    *buffer.get_mut(at)? = 0;
+    Some(at + 1)
 }
 
 /// Finds frames in bytes and the messages in them.

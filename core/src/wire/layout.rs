@@ -49,7 +49,7 @@ const _: () = assert!(variants::<DeviceMessage>().len() == SAYS.len());
 const _: () = assert!(variants::<HostMessage>().len() == HEARS.len());
 
 /// Hellos that end after so many of this one's fields: from the two lists of layouts on, which are the fourth, to all.
-pub(super) const HELLOS: [Layout; 15] = [
+pub(super) const HELLOS: [Layout; 17] = [
     layout::<HelloOf<4>>(),
     layout::<HelloOf<5>>(),
     layout::<HelloOf<6>>(),
@@ -65,6 +65,8 @@ pub(super) const HELLOS: [Layout; 15] = [
     layout::<HelloOf<16>>(),
     layout::<HelloOf<17>>(),
     layout::<HelloOf<18>>(),
+    layout::<HelloOf<19>>(),
+    layout::<HelloOf<20>>(),
 ];
 
 // The last is all of it.

@@ -4,7 +4,8 @@
 //! COBS frame between zero bytes (`frame`). So the reader finds the next frame after any damage, knows a damaged frame
 //! from a good one, and knows from the numbers how many never came.
 //!
-//! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes.
+//! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes. What a board is set up
+//! for is a [`Setup`].
 //!
 //! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled, and each kind of message has one of its own
 //! (`layout`). A device says them in its [`Hello`], before anything whose layout may differ. A host that was built later reads the
@@ -15,6 +16,7 @@ mod frame;
 mod layout;
 mod request;
 pub mod rings;
+mod setup;
 #[cfg(test)]
 mod tests;
 mod walk;
@@ -27,6 +29,7 @@ pub use request::{
     ReadFactor, Request, SetZero, Zero,
 };
 
+pub use setup::Setup;
 pub use walk::{Imu, Walk, WalkCounts};
 pub use wiring::{Fault, Wiring};
 
@@ -140,6 +143,10 @@ pub struct Hello {
     pub wiring: [Wiring; LEGS],
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
+    /// What the board is set up for from its next start on.
+    pub setup: Setup,
+    /// It was so at this start as well: nothing waits for the next.
+    pub setup_in_use: bool,
 }
 
 /// Why a board started.

@@ -1,5 +1,6 @@
 //! What a host can ask of a device, and what it is answered.
 
+use super::Setup;
 use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,8 @@ pub enum Action {
     TrustZeros,
     /// Take the wiring of all legs on trial to be right, except where a fault was found ([`Wiring`](super::Wiring)): somebody has looked.
     TrustWiring,
+    /// Be set up so from the next start on: written to the board's flash, and done when [`Hello::setup`](super::Hello::setup) says so.
+    SetUp(Setup),
 }
 
 /// What positions on the motor bus are. [`Action::Reset`] leaves it as it is, and the zeros with it: they are not the host's choice but how

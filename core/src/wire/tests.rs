@@ -55,6 +55,12 @@ fn hello() -> Hello {
         })
         .into_iter()
         .collect(),
+        setup: Setup {
+            imu_um: [i32::MIN; 3],
+            imu_urad: [i32::MIN; 3],
+            bus_baud: u32::MAX,
+        },
+        setup_in_use: true,
     }
 }
 
@@ -298,18 +304,25 @@ fn a_hello_that_ends_earlier_is_read() {
     let whole = DeviceMessage::Hello(hello());
     let length = content_of(&whole).len();
     let Hello {
-        effects, wiring, ..
+        setup,
+        effects,
+        wiring,
+        ..
     } = hello();
-    // Without the effects, and without the wiring as well.
-    let effects = content_of(&effects).len();
-    let wiring = content_of(&wiring).len();
-    for (fields, lacks) in [(17, effects), (16, effects + wiring)] {
+    // Without what it is set up for, without the effects as well, and without the wiring.
+    let setup = content_of(&setup).len() + 1;
+    let effects = setup + content_of(&effects).len();
+    let wiring = effects + content_of(&wiring).len();
+    for (fields, lacks) in [(18, setup), (17, effects), (16, wiring)] {
         let mut older = hello();
         older.schema[0] ^= 1;
         older.says[0] = layout::HELLOS[fields - 4];
         let mut bytes = content_of(&DeviceMessage::Hello(older.clone()));
         bytes.truncate(length - lacks);
-        older.effects.clear();
+        (older.setup, older.setup_in_use) = (Setup::default(), false);
+        if fields < 18 {
+            older.effects.clear();
+        }
         if fields == 16 {
             older.wiring = [Wiring::Untested; LEGS];
         }

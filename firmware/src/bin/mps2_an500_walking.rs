@@ -4,15 +4,10 @@
 
 use cortex_m_rt::entry;
 use defmt_semihosting as _;
-use nalgebra::Vector3;
-use proprio_core::go2;
-use proprio_core::spatial::Transform;
-use proprio_firmware::Scalar;
 use proprio_firmware::application::Walking;
 use proprio_firmware::board::mps2_an500::run;
 
 #[entry]
 fn main() -> ! {
-    let imu = Vector3::from(go2::IMU.map(|x| x as Scalar));
-    run(Walking::take(Transform::from_translation(imu)), 240_000)
+    run(Walking::take(), 240_000)
 }

@@ -1,4 +1,4 @@
-//! The listener of a robot that walks, on the NUCLEO-H743ZI2 with its own IMU, mounted as [`proprio_firmware::mounting`] says.
+//! The listener of a robot that walks, on the NUCLEO-H743ZI2 with its own IMU, mounted as its flash or else `SETUP` says.
 //!
 //! Flash with `probe-rs run --chip STM32H743ZITx`, which shows the log as well.
 #![no_std]
@@ -9,7 +9,6 @@ use embassy_executor::Spawner;
 use proprio_firmware::application::Walking;
 use proprio_firmware::board::nucleo_h743zi2::Nucleo;
 use proprio_firmware::listener::run;
-use proprio_firmware::mounting::mounting;
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
@@ -17,5 +16,5 @@ async fn main(spawner: Spawner) {
         panic!("the board is taken once")
     };
     imu.start();
-    run(board, Walking::take(mounting())).await
+    run(board, Walking::take()).await
 }

@@ -7,7 +7,7 @@ pub mod nucleo_h743zi2;
 
 use embedded_storage::nor_flash::NorFlash;
 use proprio_core::app::Health;
-use proprio_core::wire::{Clock, DeviceMessage, HostMessage, Imu, Losses, Positions, Reset};
+use proprio_core::wire::{Clock, DeviceMessage, HostMessage, Imu, Losses, Positions, Reset, Setup};
 
 /// What a board has; [`crate::listener`] is the loop around it. No method waits but [`wait`](Self::wait), and [`read_host`](Self::read_host)
 /// where the host decides what time it is.
@@ -16,8 +16,6 @@ pub trait Board {
     const NAME: &'static str;
     /// What [`begin_cost`](Self::begin_cost) counts: "instructions" in emulation, "cycles" on a board.
     const LOAD_UNIT: &'static str;
-    /// Time between two bytes that follow each other on a motor bus, ns; 0 where all bytes that come at once have one time.
-    const BYTE_NS: u32;
     /// What positions on its buses are, until a host says otherwise.
     const POSITIONS: Positions;
 
@@ -34,6 +32,12 @@ pub trait Board {
     }
     /// Which clock its times are of.
     fn clock(&self) -> Clock;
+    /// What it is set up for: [`setup_in`](proprio_core::app::setup_in) its flash at the start.
+    fn setup(&self) -> Setup;
+    /// Time between two bytes that follow each other on a motor bus, ns; 0 where all bytes that come at once have one time.
+    fn byte_ns(&self) -> u32 {
+        self.setup().byte_ns()
+    }
 
     /// Shows that the application begins: the legs' analysis, and what the flash has kept.
     fn beginning(&mut self) {}

@@ -18,7 +18,7 @@ use super::result::result;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio flash && proprio monitor /dev/ttyACM0
-  proprio flash --walking  # once the IMU's mounting is in firmware/src/mounting.rs
+  proprio flash --walking && proprio monitor /dev/ttyACM0 --imu-at 0,0,0.07
   proprio flash --with openocd --dry-run")]
 pub(crate) struct Flash {
     /// Flash this ELF file instead of building

@@ -29,7 +29,7 @@ use proprio_simulator::hidden::typical;
 
 use foxglove::Viewers;
 use session::Session;
-use settings::{Known, KnownBody};
+use settings::{Known, KnownBody, SetupArguments};
 
 use super::Error;
 use super::bus_arguments::BusArguments;
@@ -63,6 +63,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor sim --memory 600
   proprio monitor sim --power-up 1 --speed 0 --seconds 5 --lines
   proprio monitor /dev/ttyACM0 --legs FR,FL --prior viscous:FR_hip=0.04,0.01 --body FR_calf=0.5
+  proprio monitor /dev/ttyACM0 --imu-at 0,0,0.07 --imu-turned 3.1416,0,0
   proprio monitor qemu --web
   proprio monitor dds:eth0 --foxglove
   proprio monitor sim --speed 0 --seconds 30 --json")]
@@ -104,6 +105,8 @@ pub(crate) struct Monitor {
     /// Have the device listen to these legs alone, separated by commas
     #[arg(long, value_name = "LEG", value_delimiter = ',', value_parser = leg_named)]
     legs: Vec<Leg>,
+    #[command(flatten)]
+    setup: SetupArguments,
     /// Have the simulated robot's motors count from where this power-up has them, as a real robot's do, so that the device knows no zero
     /// [default: positions on its buses are angles]
     #[arg(long, value_name = "SEED")]
@@ -171,15 +174,22 @@ impl Monitor {
             actions.push(Action::SetLegs(mask));
         }
         actions.extend(self.body.iter().map(KnownBody::action));
-        for known in &self.prior {
-            match hello {
-                Some(hello) => actions.extend(known.actions(hello)?),
-                None => super::usage_error(
-                    "monitor",
-                    ErrorKind::ArgumentConflict,
-                    "--prior needs a device: a recording can be asked nothing".to_owned(),
-                ),
+        let Some(hello) = hello else {
+            let asked = [
+                (!self.prior.is_empty(), "--prior"),
+                (self.setup.is_asked(), "what a board is set up for"),
+            ];
+            if let Some((_, what)) = asked.iter().find(|(asked, _)| *asked) {
+                let why = format!("{what} needs a device: a recording can be asked nothing");
+                super::usage_error("monitor", ErrorKind::ArgumentConflict, why);
             }
+            return Ok(actions);
+        };
+        if self.setup.is_asked() {
+            actions.push(self.setup.action(hello));
+        }
+        for known in &self.prior {
+            actions.extend(known.actions(hello)?);
         }
         Ok(actions)
     }

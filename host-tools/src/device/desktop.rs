@@ -1,7 +1,7 @@
 //! The application in this process, for comparison with a device's.
 
 use proprio_core::Real;
-use proprio_core::app::{App, Identity, Memory, Start};
+use proprio_core::app::{App, Identity, Memory, SETUP_SECTORS, Start, setup_in};
 use proprio_core::storage::{RamFlash, SECTOR};
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage, Positions};
 
@@ -35,7 +35,7 @@ const SLOTS: usize = 2;
 impl<T: Real> Desktop<T> {
     /// A device that has seen nothing.
     pub fn new() -> Self {
-        Self::start(RamFlash::new(vec![0xFF; SLOTS * SECTOR]))
+        Self::start(RamFlash::new(vec![0xFF; (SLOTS + SETUP_SECTORS) * SECTOR]))
     }
 
     /// The same device after its power was off: what is in its flash is all that is left.
@@ -44,7 +44,9 @@ impl<T: Real> Desktop<T> {
     }
 
     fn start(mut flash: RamFlash<Vec<u8>>) -> Self {
-        let mut app = Box::new(App::new(identity()));
+        let mut identity = identity();
+        identity.start.setup = setup_in(&mut flash, identity.start.setup);
+        let mut app = Box::new(App::new(identity));
         let mut memory = Box::new(Memory::new());
         app.restore(&mut memory, &mut flash);
         // Every board does one step at time 0, and it says hello.

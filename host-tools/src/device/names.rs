@@ -5,7 +5,8 @@ use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::{
-    Change, ChangeKind, EffectAt, Estimate, Fault, HEARD, Hello, SAID, Solution, Walk, Wiring, Zero,
+    Change, ChangeKind, EffectAt, Estimate, Fault, HEARD, Hello, SAID, Setup, Solution, Walk,
+    Wiring, Zero,
 };
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
@@ -101,6 +102,17 @@ pub fn words_of_zero(zero: Zero) -> &'static str {
         Zero::Jumped => "unknown: the position jumped",
         Zero::Exchanged => "unknown: the position is another motor's",
     }
+}
+
+/// What a board is set up for, in words.
+pub fn words_of_setup(setup: &Setup) -> String {
+    let numbers = |of: [i32; 3]| of.map(|x| (f64::from(x) / 1e6).to_string()).join(", ");
+    format!(
+        "IMU at {} m, turned by {} rad; buses at {} Mbit/s",
+        numbers(setup.imu_um),
+        numbers(setup.imu_urad),
+        f64::from(setup.bus_baud) / 1e6
+    )
 }
 
 /// What a temperature at the top of a motor's scale ([`Reply::TOP_TEMPERATURE`]) means, in words that go on from the motor's name.

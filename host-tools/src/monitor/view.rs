@@ -6,13 +6,14 @@ use proprio_core::bus::Reply;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
-    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Walk, Wiring, Zero,
+    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Setup, Solution, Walk, Wiring,
+    Zero,
 };
 
 use super::residual::Residual;
 use crate::device::names::{
-    parameters_of, place, words_of, words_of_lacking, words_of_top_temperature, words_of_walk,
-    words_of_wiring, words_of_zero,
+    parameters_of, place, words_of, words_of_lacking, words_of_setup, words_of_top_temperature,
+    words_of_walk, words_of_wiring, words_of_zero,
 };
 use crate::estimate::ParameterEstimate;
 use crate::parameter;
@@ -183,6 +184,8 @@ impl View {
             }
             Some(_) => {}
         }
+        let before = self.hello.as_ref().map(|before| before.setup);
+        self.setup(before, hello);
         let before = self.hello.as_ref().is_some_and(|before| before.carried);
         self.feet(before, hello.carried);
         let before = self.hello.as_ref().map(|before| before.zeros);
@@ -190,6 +193,16 @@ impl View {
         let before = self.hello.as_ref().map(|before| before.wiring);
         self.wiring(before.unwrap_or_default(), &hello.wiring);
         self.hello = Some(hello.clone());
+    }
+
+    /// Says what the board is set up for if its flash has kept another since the hello before, or that waits for its next start.
+    fn setup(&mut self, before: Option<Setup>, hello: &Hello) {
+        // A device that says nothing of it has a bus of no bits per second.
+        if hello.setup_in_use || hello.setup.bus_baud == 0 || before == Some(hello.setup) {
+            return;
+        }
+        let words = words_of_setup(&hello.setup);
+        self.happened(format!("kept for its next start: {words}; reset the board"));
     }
 
     /// What a device tells of its start that its user should know.
@@ -455,6 +468,7 @@ impl View {
             }
             Action::TrustZeros => "zeros as kept".to_owned(),
             Action::TrustWiring => "wiring is right".to_owned(),
+            Action::SetUp(setup) => format!("set up: {}", words_of_setup(&setup)),
         };
         if done && action == Action::Reset {
             self.begin_anew();
@@ -530,6 +544,8 @@ fn is_same(one: &Hello, other: &Hello) -> bool {
         reset: other.reset,
         clock: other.clock,
         crash: other.crash.clone(),
+        setup: other.setup,
+        setup_in_use: other.setup_in_use,
         ..one.clone()
     };
     with == *other

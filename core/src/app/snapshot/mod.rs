@@ -15,7 +15,7 @@
 //! move items when one is full: work that grows with what is kept, in the middle of a step.
 
 mod record;
-mod slots;
+pub(super) mod slots;
 #[cfg(test)]
 mod tests;
 
@@ -23,14 +23,15 @@ use crc::Digest;
 use embedded_storage::nor_flash::NorFlash;
 
 use super::leg::{LegData, LegLine};
+use super::setup::{Progress, SetupRecord, TRIES};
 use crate::Real;
 use crate::go2::LEGS;
 use crate::slot::Slot;
-use crate::wire::Kept;
+use crate::wire::{Kept, Outcome, Setup};
 use record::{NUMBERS, number, set_number};
 use slots::{CRC, Head, NUMBERS_PER_WORD, WORD, Word};
 
-/// Time between two snapshots that nobody asks for, µs: with eight slots that bear ten thousand erasures each, a year and a half.
+/// Time between two snapshots that nobody asks for, µs: with six slots that bear ten thousand erasures each, a year.
 pub const SNAPSHOT_US: u64 = 600_000_000;
 
 /// Words that a step writes at most: what a leg takes is then written within a block of 2 s even where steps are 10 ms.
@@ -48,9 +49,6 @@ const _: () = assert!(SNAPSHOT_LEN <= crate::storage::SECTOR);
 /// A leg whose blocks do not end within this time is one of which nothing comes, µs.
 const WAIT_US: u64 = 2_500_000;
 
-/// Times that the flash may refuse the same thing, a step each, before the snapshot is given up: an erasure takes up to 4 s.
-const TRIES: u32 = 5_000;
-
 /// Times that a snapshot begins anew before it is given up.
 const ATTEMPTS: u32 = 8;
 
@@ -61,6 +59,8 @@ enum Stage {
     Erase,
     /// Write this word of the slot.
     Write(usize),
+    /// What the board is set up for comes first.
+    SetUp,
 }
 
 /// The snapshot under way, and what became of those before.
@@ -73,7 +73,8 @@ pub(super) struct Snapshots {
     newest: Slot<(u32, u32)>,
     stage: Stage,
     digest: Slot<Digest<'static, u32>>,
-    wanted: bool,
+    /// What is to be written: [`SNAPSHOT`], [`SETUP`]. One number, for each step looks at it.
+    wanted: u8,
     due_us: u64,
     tries: u32,
     attempts: u32,
@@ -87,7 +88,12 @@ pub(super) struct Snapshots {
     learnt: u32,
     done: u32,
     failed: u32,
+    setup: SetupRecord,
 }
+
+/// Bits of what is wanted.
+const SNAPSHOT: u8 = 1;
+const SETUP: u8 = 2;
 
 /// All that is kept.
 pub(super) struct Source<'a, T: Real> {
@@ -107,7 +113,7 @@ impl Snapshots {
             newest: Slot::Empty,
             stage: Stage::Idle,
             digest: Slot::Empty,
-            wanted: false,
+            wanted: 0,
             due_us: 0,
             tries: 0,
             attempts: 0,
@@ -118,6 +124,7 @@ impl Snapshots {
             learnt: 0,
             done: 0,
             failed: 0,
+            setup: SetupRecord::new(),
         }
     }
 
@@ -133,8 +140,25 @@ impl Snapshots {
 
     /// Has a snapshot begin with the next step; false if there is nowhere to keep it.
     pub(super) fn want(&mut self) -> bool {
-        self.wanted = self.status != Kept::NoStorage;
-        self.wanted
+        let has_storage = self.status != Kept::NoStorage;
+        if has_storage {
+            self.wanted |= SNAPSHOT;
+        }
+        has_storage
+    }
+
+    /// Has what the board is set up for be written, if it is another.
+    pub(super) fn set_up(&mut self, setup: Setup) -> Outcome {
+        let outcome = self.setup.want(setup);
+        if self.setup.is_wanted() {
+            self.wanted |= SETUP;
+        }
+        outcome
+    }
+
+    /// What the board is set up for from the next start on; `otherwise` where there is no flash.
+    pub(super) fn setup(&self, otherwise: Setup) -> Setup {
+        self.setup.kept(otherwise)
     }
 
     /// Looks for the newest whole snapshot, and has `lines`, which were reset, become what they were.
@@ -143,9 +167,11 @@ impl Snapshots {
     pub(super) fn open<T: Real, F: NorFlash>(
         &mut self,
         flash: &mut F,
+        setup: Setup,
         lines: &mut [LegLine<T>; LEGS],
         data: &mut [LegData<T>; LEGS],
     ) {
+        self.setup.open(flash, setup);
         self.slots = slots::count(flash);
         // With one slot there would be a time without any snapshot.
         if self.slots < 2 {
@@ -187,6 +213,10 @@ impl Snapshots {
         for _ in 0..STEP_WORDS {
             match self.stage {
                 Stage::Idle => return,
+                Stage::SetUp => {
+                    self.write_setup(flash);
+                    return;
+                }
                 Stage::Erase => {
                     if self.erase(flash, source, now_us) {
                         self.start_leg(source, 0, now_us);
@@ -210,18 +240,37 @@ impl Snapshots {
         if self.due_us == 0 {
             self.due_us = now_us.saturating_add(SNAPSHOT_US);
         }
-        if self.status == Kept::NoStorage || !(self.wanted || now_us >= self.due_us) {
+        if self.wanted == 0 && now_us < self.due_us {
+            return false;
+        }
+        if self.wanted & SETUP != 0 {
+            self.stage = Stage::SetUp;
+            return true;
+        }
+        if self.status == Kept::NoStorage {
             return false;
         }
         // Flash wears: what has not changed is not written again.
         let learnt = learnt(source);
-        if !self.wanted && learnt == self.learnt {
+        if self.wanted == 0 && learnt == self.learnt {
             self.due_us = now_us.saturating_add(SNAPSHOT_US);
             return false;
         }
-        (self.wanted, self.attempts, self.learnt) = (false, 0, learnt);
+        (self.wanted, self.attempts, self.learnt) = (0, 0, learnt);
         self.start(source);
         true
+    }
+
+    /// Does a step of writing what the board is set up for.
+    fn write_setup<F: NorFlash>(&mut self, flash: &mut F) {
+        let progress = self.setup.advance(flash);
+        if progress != Progress::Busy {
+            self.wanted &= !SETUP;
+            self.stage = Stage::Idle;
+            self.failed = self
+                .failed
+                .wrapping_add((progress == Progress::GivenUp).into());
+        }
     }
 
     fn start<T: Real>(&mut self, source: &Source<T>) {

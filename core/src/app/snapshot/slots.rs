@@ -13,6 +13,7 @@ use crc::{CRC_32_ISCSI, Crc};
 use embedded_storage::nor_flash::NorFlash;
 
 use super::super::leg::{LegData, SETTINGS};
+use super::super::setup::SETUP_SECTORS;
 use super::{SNAPSHOT_LEN, WORDS};
 use crate::Real;
 use crate::estimator::COLUMNS;
@@ -20,14 +21,14 @@ use crate::go2::{LEGS, Leg, leg};
 use crate::wire::SCHEMA;
 
 /// Bytes that are written at once.
-pub(super) const WORD: usize = 32;
-pub(super) type Word = [u8; WORD];
+pub(in crate::app) const WORD: usize = 32;
+pub(in crate::app) type Word = [u8; WORD];
 
 /// Numbers in a word.
 pub(super) const NUMBERS_PER_WORD: usize = WORD / size_of::<f64>();
 
 /// Checksum of a snapshot.
-pub(super) static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+pub(in crate::app) static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
 /// What the first and the last word begin with; the digit is the layout's version.
 const FIRST: [u8; 8] = *b"proprio1";
@@ -77,12 +78,13 @@ impl Head {
 }
 
 /// The last word.
-pub(super) fn last_word(generation: u32, checksum: u32) -> Word {
+pub(in crate::app) fn last_word(generation: u32, checksum: u32) -> Word {
     let numbers = u64::from(checksum) << 32 | u64::from(generation);
     join([LAST, numbers.to_le_bytes(), (!numbers).to_le_bytes(), LAST])
 }
 
-fn join(parts: [[u8; 8]; 4]) -> Word {
+/// A word of four parts.
+pub(in crate::app) fn join(parts: [[u8; 8]; 4]) -> Word {
     let mut word = [0; WORD];
     let (places, _) = word.as_chunks_mut();
     places
@@ -92,7 +94,8 @@ fn join(parts: [[u8; 8]; 4]) -> Word {
     word
 }
 
-fn split(word: &Word) -> [[u8; 8]; 4] {
+/// A word's four parts.
+pub(in crate::app) fn split(word: &Word) -> [[u8; 8]; 4] {
     let mut parts = [[0; 8]; 4];
     let (places, _) = word.as_chunks();
     parts
@@ -108,7 +111,8 @@ pub(super) fn count<F: NorFlash>(flash: &F) -> u32 {
     if !WORD.is_multiple_of(F::WRITE_SIZE.max(1)) {
         return 0;
     }
-    (flash.capacity() / length.max(1)) as u32
+    let setup = SETUP_SECTORS * F::ERASE_SIZE;
+    (flash.capacity().saturating_sub(setup) / length.max(1)) as u32
 }
 
 const fn slot_len<F: NorFlash>() -> usize {
@@ -122,10 +126,15 @@ pub(super) fn span<F: NorFlash>(slot: u32) -> (u32, u32) {
     (from, from.saturating_add(length))
 }
 
-/// A word of a slot; zeros, which are none of a snapshot's, where it cannot be read.
+/// A word of a slot.
 pub(super) fn read<F: NorFlash>(flash: &mut F, slot: u32, word: usize) -> Word {
+    let from = span::<F>(slot).0;
+    read_at(flash, from.saturating_add((word * WORD) as u32))
+}
+
+/// A word; zeros, which are none that is written, where it cannot be read.
+pub(in crate::app) fn read_at<F: NorFlash>(flash: &mut F, offset: u32) -> Word {
     let mut bytes = [0; WORD];
-    let offset = span::<F>(slot).0.saturating_add((word * WORD) as u32);
     match flash.read(offset, &mut bytes) {
         Ok(()) => bytes,
         Err(_) => [0; WORD],

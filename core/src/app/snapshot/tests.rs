@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::vec;
 use std::vec::Vec;
 
+use super::super::setup::SETUP_SECTORS;
 use super::super::tests::{DESKTOP, Whole, last_estimate, motion, play};
 use super::super::{App, Memory};
 use super::*;
@@ -21,8 +22,9 @@ const LONG: u64 = 8_000;
 
 type Flash = RamFlash<Vec<u8>>;
 
-fn erased(sectors: usize) -> Flash {
-    RamFlash::new(vec![0xFF; sectors * SECTOR])
+/// Flash with room for so many snapshots.
+fn erased(slots: usize) -> Flash {
+    RamFlash::new(vec![0xFF; (slots + SETUP_SECTORS) * SECTOR])
 }
 
 /// A device with flash, and its clock in steps.

@@ -103,6 +103,8 @@ impl<T: Real> WalkingApp<T> {
             wiring: [Wiring::Untested; LEGS],
             kept: Kept::NoStorage,
             effects: Vec::new(),
+            setup: self.setup.kept(identity.start.setup),
+            setup_in_use: self.setup.kept(identity.start.setup) == identity.start.setup,
         }
     }
 }

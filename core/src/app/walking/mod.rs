@@ -17,6 +17,7 @@ mod messages;
 use super::counts;
 use super::readings::Readings;
 use super::requests::Requests;
+use super::setup::SetupRecord;
 use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US};
 use crate::Real;
 use crate::factor::FactorError;
@@ -27,6 +28,7 @@ use crate::spatial::Transform;
 use crate::walk::{WalkMemory, WalkSample, Walker};
 use crate::window::{Sample, microseconds};
 use crate::wire::{Action, Answer, DeviceMessage, HostMessage, Imu, Load, Losses, Outcome};
+use embedded_storage::nor_flash::NorFlash;
 use line::Line;
 use nalgebra::Vector3;
 
@@ -65,6 +67,7 @@ pub struct WalkingApp<T: Real> {
     imu: Slot<Imu>,
     readings: Readings,
     requests: Requests,
+    setup: SetupRecord,
     /// A sample that waits for the IMU's readings after its time.
     pending: Slot<WalkSample<T>>,
     without_imu: u32,
@@ -86,6 +89,7 @@ impl<T: Real> WalkingApp<T> {
             imu: Slot::Empty,
             readings: Readings::new(),
             requests: Requests::new(),
+            setup: SetupRecord::new(),
             pending: Slot::Empty,
             without_imu: 0,
             solve_at: 0,
@@ -126,7 +130,20 @@ impl<T: Real> WalkingApp<T> {
         self.walker.begin(&mut memory.walk, mounting)
     }
 
-    /// Takes what the host says. Of requests those about the joints' zeros are obeyed, one a step; the others are of legs that hang, and get
+    /// Finds what `flash` says that the board is set up for; from then on [`keep`](Self::keep) writes that there. For the start, after
+    /// [`begin`](Self::begin).
+    pub fn restore(&mut self, flash: &mut impl NorFlash) {
+        let setup = self.identity().start.setup;
+        self.setup.open(flash, setup);
+    }
+
+    /// Does a step of writing what the host set the board up for. A walk itself is short, and is not kept over the power.
+    #[inline(never)]
+    pub fn keep(&mut self, flash: &mut impl NorFlash) {
+        let _ = self.setup.advance(flash);
+    }
+
+    /// Takes what the host says. Of requests those about the joints' zeros and the board are obeyed, one a step; the others are of legs that hang, and get
     /// no answer.
     pub fn handle(&mut self, message: &HostMessage) {
         match message {
@@ -136,7 +153,8 @@ impl<T: Real> WalkingApp<T> {
                 Action::SetPositions(_)
                 | Action::SetZero(_)
                 | Action::TrustZeros
-                | Action::TrustWiring => {
+                | Action::TrustWiring
+                | Action::SetUp(_) => {
                     self.requests.push(*request);
                 }
                 _ => {}
@@ -230,6 +248,7 @@ impl<T: Real> WalkingApp<T> {
                     _ => Outcome::NoSuchLeg,
                 }
             }
+            Action::SetUp(setup) => self.setup.want(setup),
             // Nothing is kept of a walk.
             _ => Outcome::NoStorage,
         };

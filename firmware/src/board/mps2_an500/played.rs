@@ -12,8 +12,9 @@ use super::{Flash, Mps2An500};
 use crate::application::Application;
 use crate::board::Board;
 use crate::listener;
+use proprio_core::app::setup_in;
 use proprio_core::wire::{
-    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Positions, Reset,
+    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Positions, Reset, Setup,
 };
 use static_cell::ConstStaticCell;
 
@@ -40,6 +41,7 @@ struct Played {
     board: Mps2An500,
     buffers: &'static mut Buffers,
     budget: u32,
+    setup: Setup,
     due: Due,
     /// Bytes in the buffers.
     lengths: [u32; LEGS],
@@ -49,11 +51,14 @@ struct Played {
 
 /// Runs an application for good; a step that costs more than `budget` instructions is counted.
 pub fn run(app: impl Application, budget: u32) -> ! {
-    let Some(board) = Mps2An500::take() else {
+    let Some(mut board) = Mps2An500::take() else {
         panic!("the board is taken once")
     };
+    // The Go2's own IMU, whose readings come over the link.
+    let setup = setup_in(&mut board.flash, Setup::GO2);
     let board = Played {
         board,
+        setup,
         buffers: BUFFERS.take(),
         budget,
         due: Due::Step,
@@ -101,7 +106,6 @@ impl Played {
 impl Board for Played {
     const NAME: &'static str = "mps2-an500";
     const LOAD_UNIT: &'static str = "instructions";
-    const BYTE_NS: u32 = 0;
     // What its host plays is a log's or a simulator's.
     const POSITIONS: Positions = Positions::Absolute;
 
@@ -121,6 +125,14 @@ impl Board for Played {
 
     fn clock(&self) -> Clock {
         Clock::Unknown
+    }
+
+    fn setup(&self) -> Setup {
+        self.setup
+    }
+
+    fn byte_ns(&self) -> u32 {
+        0
     }
 
     fn wait(&mut self) -> impl Future<Output = ()> {

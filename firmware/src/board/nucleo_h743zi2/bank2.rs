@@ -72,7 +72,7 @@ impl Bank2 {
 impl ReadNorFlash for Bank2 {
     const READ_SIZE: usize = 32;
 
-    /// A word that the power failed in has a wrong checksum of its own, which reading it makes a bus fault (RM0433, 4.7.6): it is read
+    /// A word that the power failed in has a wrong checksum of its own, which reading it makes a bus fault (RM0433, error correction of the flash): it is read
     /// with faults masked and ignored, and is an error.
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NotDone> {
         if self.job.is_some() || offset as usize + bytes.len() > BANK2_LEN {

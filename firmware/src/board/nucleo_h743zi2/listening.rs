@@ -1,7 +1,9 @@
 //! UARTs that DMA empties, and the times at which their lines fell idle.
 
+use core::sync::atomic::{AtomicU32, Ordering};
 use core::task::Poll;
 
+use crate::crash;
 use embassy_futures::poll_once;
 use embassy_stm32::interrupt::typelevel::{self, Handler};
 use embassy_stm32::mode::Async;
@@ -10,16 +12,17 @@ use embassy_stm32::usart::{self, Error, RingBufferedUartRx, UartRx};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_time::Instant;
-use proprio_core::go2::{Go2, JOINTS_PER_LEG};
-use proprio_core::robot::Robot;
 
 /// Bytes that a ring buffer holds: 10 ms of a full motor bus, 44 ms of the host link.
 pub(super) const RING: usize = 4096;
 
-pub(super) const BUS_BAUD: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BAUD;
+/// Time of a byte on a motor bus, ns: what the board is set up for. Written once, before the buses are listened to.
+static BYTE_NS: AtomicU32 = AtomicU32::new(0);
 
-/// Time of a byte, eight data bits between start and stop bit, on a motor bus, ns.
-pub(super) const BUS_BYTE_NS: u32 = <Go2 as Robot<JOINTS_PER_LEG>>::BYTE_NS;
+/// Says what a byte's time on a motor bus is.
+pub(super) fn set_byte_ns(byte_ns: u32) {
+    BYTE_NS.store(byte_ns, Ordering::Relaxed);
+}
 
 /// Notes of one bus that may wait: six frames of a cycle, eight cycles, between two looks.
 const NOTES: usize = 64;
@@ -72,7 +75,7 @@ impl Bus {
             // Before the driver sees it: the driver would not look again until it is read from.
             self.uart.icr().write(|w| w.set_idle(true));
             // The line is idle after one byte's time without a byte.
-            self.note(u64::from(BUS_BYTE_NS) / 1000);
+            self.note(u64::from(BYTE_NS.load(Ordering::Relaxed) / 1000));
         }
     }
 }
@@ -90,6 +93,42 @@ macro_rules! notes_time {
     )*};
 }
 notes_time!(0 USART2, 1 UART4, 2 UART5, 3 UART7);
+
+/// The interrupt of a stream of DMA1, beside the driver's own, which panics at a transfer error without a word of which line it was.
+pub(super) struct NamesError<const STREAM: usize>;
+
+/// What each stream carries.
+const CARRIES: [&str; 6] = [
+    "FR's bus",
+    "FL's bus",
+    "RR's bus",
+    "RL's bus",
+    "to the host",
+    "from the host",
+];
+
+impl<const STREAM: usize> NamesError<STREAM> {
+    /// An address that DMA may not use, or a memory that fails: nothing that listening could mend, so the board starts anew.
+    fn on_interrupt() {
+        if pac::DMA1.isr(STREAM / 4).read().teif(STREAM % 4) {
+            let carries = CARRIES[STREAM];
+            crash::end(format_args!(
+                "DMA transfer error, stream {STREAM}: {carries}"
+            ));
+        }
+    }
+}
+
+macro_rules! names_error {
+    ($($stream:literal $interrupt:ident),*) => {$(
+        impl Handler<typelevel::$interrupt> for NamesError<$stream> {
+            unsafe fn on_interrupt() {
+                Self::on_interrupt();
+            }
+        }
+    )*};
+}
+names_error!(0 DMA1_STREAM0, 1 DMA1_STREAM1, 2 DMA1_STREAM2, 3 DMA1_STREAM3, 4 DMA1_STREAM4, 5 DMA1_STREAM5);
 
 /// A UART that DMA empties into a ring buffer.
 pub(super) struct Listening {

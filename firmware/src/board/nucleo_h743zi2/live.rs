@@ -3,7 +3,7 @@
 use super::bank2::{self, Bank2};
 use super::imu::{self, READINGS};
 use super::lights::Stage;
-use super::listening::{BUS_BYTE_NS, Listening};
+use super::listening::Listening;
 use super::{CORE_HZ, Nucleo};
 use crate::board::Board;
 use cortex_m::peripheral::DWT;
@@ -14,7 +14,7 @@ use embassy_stm32::{mode::Async, usart::UartTx};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::Instant;
 use proprio_core::app::Health;
-use proprio_core::wire::{Clock, Imu, LineLosses, Losses, MAX_FRAME, Positions, Reset};
+use proprio_core::wire::{Clock, Imu, LineLosses, Losses, MAX_FRAME, Positions, Reset, Setup};
 use static_cell::ConstStaticCell;
 
 /// Time between two steps, µs.
@@ -69,7 +69,6 @@ fn losses(line: &Listening) -> LineLosses {
 impl Board for Nucleo {
     const NAME: &'static str = "nucleo-h743zi2";
     const LOAD_UNIT: &'static str = "cycles";
-    const BYTE_NS: u32 = BUS_BYTE_NS;
     const POSITIONS: Positions = Positions::FromPowerUp;
 
     type Flash = Bank2;
@@ -83,12 +82,16 @@ impl Board for Nucleo {
     }
 
     fn brown_out_level(&self) -> Option<u8> {
-        // What an option byte says (RM0433, 4.9.7): 0 to 3. It is set with a programmer.
+        // What an option byte says (RM0433, FLASH_OPTSR_CUR.BOR_LEV): 0 to 3. It is set with a programmer.
         Some(pac::FLASH.optsr_cur().read().bor_lev())
     }
 
     fn clock(&self) -> Clock {
         self.clock
+    }
+
+    fn setup(&self) -> Setup {
+        self.setup
     }
 
     fn beginning(&mut self) {

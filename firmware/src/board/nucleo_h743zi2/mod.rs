@@ -10,7 +10,7 @@
 //! | IMU | SPI1 | PA5 SCK, PA6 MISO, PB5 MOSI, PD14 select, PD15 data ready | D13, D12, D11, D10, D9 | none | 6.25 MHz, mode 3 |
 //!
 //! No pin of a bus's UART but RX is configured, so the board cannot transmit on a motor bus. The five kernel clocks are
-//! PCLK1, 100 MHz: 4 Mbit/s is exact, 921 600 bit/s 0.5 % slow. Clocks come from the ST-LINK's 8 MHz, a crystal's, because
+//! PCLK1, 100 MHz: 4 Mbit/s, a bus's unless the host has set up another, is exact, 921 600 bit/s 0.5 % slow. Clocks come from the ST-LINK's 8 MHz, a crystal's, because
 //! the estimates are only as good as the time; where that does not come, from the chip's own oscillator, and the hello says so. The watchdog
 //! runs before they are asked for.
 //!
@@ -44,14 +44,21 @@ use embassy_stm32::usart::{self, UartRx};
 use embassy_stm32::{Peri, bind_interrupts, dma, pac, peripherals};
 use embassy_time::{Duration, Ticker};
 use lights::{Lights, Stage};
-use listening::{BUS_BAUD, BUSES, Listening, NotesTime, RING};
+use listening::{BUSES, Listening, NamesError, NotesTime, RING};
 use live::TICK_US;
-use proprio_core::wire::{Clock, HOST_BAUD, Reset};
+use proprio_core::app::setup_in;
+use proprio_core::wire::{Clock, HOST_BAUD, Reset, Setup};
 use static_cell::ConstStaticCell;
 use watchdog::Watchdog;
 
 /// Frequency of the core and of its cycle counter, Hz.
 const CORE_HZ: u32 = 400_000_000;
+
+/// What it is set up for before a host has said so: a Go2's buses, and an IMU on the middle of the trunk's back, whose x points forward and whose z up.
+const SETUP: Setup = Setup {
+    imu_um: [0, 0, 70_000],
+    ..Setup::GO2
+};
 
 bind_interrupts!(struct Interrupts {
     USART2 => NotesTime<0>, usart::InterruptHandler<peripherals::USART2>;
@@ -60,12 +67,12 @@ bind_interrupts!(struct Interrupts {
     UART7 => NotesTime<3>, usart::InterruptHandler<peripherals::UART7>;
     USART3 => usart::InterruptHandler<peripherals::USART3>;
     FLASH => flash::InterruptHandler;
-    DMA1_STREAM0 => dma::InterruptHandler<peripherals::DMA1_CH0>;
-    DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
-    DMA1_STREAM2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
-    DMA1_STREAM3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
-    DMA1_STREAM4 => dma::InterruptHandler<peripherals::DMA1_CH4>;
-    DMA1_STREAM5 => dma::InterruptHandler<peripherals::DMA1_CH5>;
+    DMA1_STREAM0 => NamesError<0>, dma::InterruptHandler<peripherals::DMA1_CH0>;
+    DMA1_STREAM1 => NamesError<1>, dma::InterruptHandler<peripherals::DMA1_CH1>;
+    DMA1_STREAM2 => NamesError<2>, dma::InterruptHandler<peripherals::DMA1_CH2>;
+    DMA1_STREAM3 => NamesError<3>, dma::InterruptHandler<peripherals::DMA1_CH3>;
+    DMA1_STREAM4 => NamesError<4>, dma::InterruptHandler<peripherals::DMA1_CH4>;
+    DMA1_STREAM5 => NamesError<5>, dma::InterruptHandler<peripherals::DMA1_CH5>;
 });
 
 /// Written by DMA, so static: the stack lies in memory that DMA does not reach.
@@ -73,7 +80,7 @@ static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]
 /// What a bus has brought, taken out of its ring.
 static BUS_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 
-/// Why the board started (RM0433, 8.7.39), the most telling flag first: each reset pulls the pin as well, and the power's coming is also a brown-out.
+/// Why the board started (RM0433, RCC_RSR), the most telling flag first: each reset pulls the pin as well, and the power's coming is also a brown-out.
 fn reset_reason() -> Reset {
     let flags = pac::RCC.rsr().read();
     pac::RCC.rsr().modify(|w| w.set_rmvf(true));
@@ -95,6 +102,7 @@ pub struct Nucleo {
     bus_buffer: &'static mut [u8; RING],
     reset: Reset,
     clock: Clock,
+    setup: Setup,
     /// It allows what a start may take until it is unleashed.
     watchdog: Watchdog,
     lights: Lights,
@@ -121,7 +129,10 @@ impl Nucleo {
         );
         lights.starting(Stage::Drivers);
         let [fr, fl, rr, rl, host] = RINGS.try_take()?.each_mut();
-        let bus = uart(BUS_BAUD);
+        let mut bank2 = Bank2::default();
+        let setup = setup_in(&mut bank2, SETUP);
+        listening::set_byte_ns(setup.byte_ns());
+        let bus = uart(setup.bus_baud);
         let irqs = Interrupts;
         let buses = [
             Listening::new(
@@ -167,9 +178,10 @@ impl Nucleo {
             bus_buffer: BUS_BUFFER.try_take()?,
             reset,
             clock,
+            setup,
             watchdog,
             lights,
-            bank2: Bank2::default(),
+            bank2,
             ticker: Ticker::every(Duration::from_micros(TICK_US)),
             frames_dropped: 0,
         };

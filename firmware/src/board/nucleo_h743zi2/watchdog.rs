@@ -1,4 +1,4 @@
-//! The independent watchdog (RM0433, 46): it has a clock of its own, the LSI's 32 kHz, and cannot be stopped.
+//! The independent watchdog (RM0433, IWDG): it has a clock of its own, the LSI's 32 kHz, and cannot be stopped.
 
 use embassy_stm32::pac;
 use embassy_stm32::pac::iwdg::vals::{Key, Pr};

@@ -1,11 +1,12 @@
-//! What a device is told at the beginning: priors, and the legs that it listens to.
+//! What a device is asked at the beginning: priors, the legs that it listens to, what its board is set up for.
 
 use std::str::FromStr;
 
 use crate::device::names;
+use clap::Args;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{JointId, Leg};
-use proprio_core::wire::{Action, Belief, BodyPrior, EffectAt, Hello};
+use proprio_core::wire::{Action, Belief, BodyPrior, EffectAt, Hello, Setup};
 
 use crate::command::Error;
 
@@ -102,6 +103,57 @@ impl KnownBody {
     }
 }
 
+/// Three numbers, as whole millionths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Millionths([i32; 3]);
+
+impl FromStr for Millionths {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .map(|text| number(text).map(f64::from))
+            .collect::<Result<_, _>>()?;
+        let numbers: [f64; 3] = numbers
+            .try_into()
+            .map_err(|_| "write it as three numbers, 0,0,0.07".to_owned())?;
+        // What is beyond its range is beyond what a board can be set up for.
+        Ok(Self(numbers.map(|x| (1e6 * x).round() as i32)))
+    }
+}
+
+/// What a board is to be set up for.
+#[derive(Debug, Args)]
+pub(super) struct SetupArguments {
+    /// Have a board of a robot that walks take its IMU to be there from its next start on: the trunk's frame, m
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    imu_at: Option<Millionths>,
+    /// And its axes to be turned so against the trunk's: about x, then y, then z, rad
+    #[arg(long, value_name = "ROLL,PITCH,YAW", allow_hyphen_values = true)]
+    imu_turned: Option<Millionths>,
+    /// Have a board listen to its motor buses at so many bits per second from its next start on: 100000 to 10000000
+    #[arg(long, value_name = "BAUD")]
+    bus_baud: Option<u32>,
+}
+
+impl SetupArguments {
+    /// Whether anything is to be other than it is.
+    pub(super) fn is_asked(&self) -> bool {
+        self.imu_at.is_some() || self.imu_turned.is_some() || self.bus_baud.is_some()
+    }
+
+    /// As the device is asked: what was not said stays as it is.
+    pub(super) fn action(&self, hello: &Hello) -> Action {
+        let is = hello.setup;
+        Action::SetUp(Setup {
+            imu_um: self.imu_at.map_or(is.imu_um, |at| at.0),
+            imu_urad: self.imu_turned.map_or(is.imu_urad, |turned| turned.0),
+            bus_baud: self.bus_baud.unwrap_or(is.bus_baud),
+        })
+    }
+}
+
 /// The legs as bits; none where nothing was said.
 pub(super) fn mask(legs: &[Leg]) -> Option<u8> {
     let bits = legs.iter().map(|leg| 1 << leg.index());
@@ -111,6 +163,7 @@ pub(super) fn mask(legs: &[Leg]) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::Device;
 
     #[test]
     fn what_is_said_of_effects_bodies_and_legs_is_read() {
@@ -127,6 +180,26 @@ mod tests {
         assert_eq!(body.action(), Action::SetBodyPrior(prior));
         assert_eq!(mask(&[Leg::FL, Leg::RL]), Some(0b1010));
         assert_eq!(mask(&[]), None);
+    }
+
+    #[test]
+    fn what_is_not_said_of_a_set_up_stays() {
+        let mut hello = crate::device::Desktop::<f64>::new().hello().clone();
+        hello.setup.bus_baud = 2_000_000;
+        let asked = SetupArguments {
+            imu_at: Some("-0.0257, 0,0.07".parse().unwrap()),
+            imu_turned: None,
+            bus_baud: None,
+        };
+        assert!(asked.is_asked());
+        let setup = Setup {
+            imu_um: [-25_700, 0, 70_000],
+            ..hello.setup
+        };
+        assert_eq!(asked.action(&hello), Action::SetUp(setup));
+        for text in ["1,2", "1,2,3,4", "1,2,up", ""] {
+            assert!(text.parse::<Millionths>().is_err(), "{text}");
+        }
     }
 
     #[test]

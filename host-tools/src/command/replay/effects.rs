@@ -103,6 +103,7 @@ impl Answer {
             | Action::SetZero(_)
             | Action::TrustZeros
             | Action::TrustWiring
+            | Action::SetUp(_)
             | Action::Keep => return None,
         };
         let (joint, effect) = place(at, hello)?;
