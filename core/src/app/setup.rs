@@ -55,8 +55,8 @@ impl SetupRecord {
     pub(super) const fn new() -> Self {
         Self {
             kept: Setup {
-                imu_um: [0; 3],
-                imu_urad: [0; 3],
+                imu_at: [0; 3],
+                imu_turned: [0; 3],
                 bus_baud: 0,
             },
             newest: Slot::Empty,
@@ -154,8 +154,8 @@ fn begin_of<F: NorFlash>(flash: &F, slot: u32) -> u32 {
 /// A record's words.
 fn words_of(setup: &Setup, number: u32) -> [Word; WORDS] {
     let first = join([FIRST, u64::from(number).to_le_bytes(), [0; 8], [0; 8]]);
-    let [x, y, z] = setup.imu_um.map(i32::cast_unsigned);
-    let [roll, pitch, yaw] = setup.imu_urad.map(i32::cast_unsigned);
+    let [x, y, z] = setup.imu_at.map(i16::cast_unsigned).map(u32::from);
+    let [roll, pitch, yaw] = setup.imu_turned.map(i16::cast_unsigned).map(u32::from);
     let pair = |low: u32, high: u32| (u64::from(high) << 32 | u64::from(low)).to_le_bytes();
     let numbers = join([
         pair(x, y),
@@ -184,8 +184,8 @@ fn whole<F: NorFlash>(flash: &mut F, slot: u32) -> Option<(Setup, u32)> {
     let ([x, y], [z, roll], [pitch, yaw], [bus_baud, _]) =
         (halves(a), halves(b), halves(c), halves(d));
     let setup = Setup {
-        imu_um: [x, y, z].map(u32::cast_signed),
-        imu_urad: [roll, pitch, yaw].map(u32::cast_signed),
+        imu_at: [x, y, z].map(|x| x as i16),
+        imu_turned: [roll, pitch, yaw].map(|x| x as i16),
         bus_baud,
     };
     (words == words_of(&setup, number) && setup.is_possible()).then_some((setup, number))

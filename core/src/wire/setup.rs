@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 /// Kept in the board's flash and used from its next start on. Whole numbers, so that two are the same or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Setup {
-    /// Where the IMU's package is in the trunk's frame, µm: from the middle between the hips, x forward, y left, z up.
-    pub imu_um: [i32; 3],
-    /// How its axes are turned against the trunk's, µrad: roll about x, then pitch about y, then yaw about z, each about the trunk's axis.
-    pub imu_urad: [i32; 3],
+    /// Where the IMU's package is in the trunk's frame, 0.1 mm: from the middle between the hips, x forward, y left, z up.
+    pub imu_at: [i16; 3],
+    /// How its axes are turned against the trunk's, 0.1 mrad: roll about x, then pitch about y, then yaw about z, each about the trunk's axis.
+    pub imu_turned: [i16; 3],
     /// Bits per second of the motor buses.
     pub bus_baud: u32,
 }
@@ -23,28 +23,28 @@ pub struct Setup {
 impl Setup {
     /// A Go2 with its own IMU.
     pub const GO2: Self = Self {
-        imu_um: [
-            (1e6 * IMU[0]) as i32,
-            (1e6 * IMU[1]) as i32,
-            (1e6 * IMU[2]) as i32,
+        imu_at: [
+            (1e4 * IMU[0]) as i16,
+            (1e4 * IMU[1]) as i16,
+            (1e4 * IMU[2]) as i16,
         ],
-        imu_urad: [0; 3],
+        imu_turned: [0; 3],
         bus_baud: <Go2 as Robot<JOINTS_PER_LEG>>::BAUD,
     };
 
-    /// Farthest that an IMU can be from the trunk's middle, µm: 1 m, more than any trunk of this size.
-    const FARTHEST_UM: u32 = 1_000_000;
-    /// Most that an axis can be turned, µrad: once around.
-    const AROUND_URAD: u32 = 6_283_186;
+    /// Farthest that an IMU can be from the trunk's middle, 0.1 mm: 1 m, more than any trunk of this size.
+    const FARTHEST: u16 = 10_000;
+    /// Most that an axis can be turned, 0.1 mrad: half around, to either side.
+    const AROUND: u16 = 31_416;
     /// Bit rates of a bus: at the least a cycle of three motors' 99 bytes takes 10 ms, at the most a UART with a clock of 100 MHz samples each bit
     /// ten times (it needs eight: STM32H7's `OVER8`).
     const BAUDS: core::ops::RangeInclusive<u32> = 100_000..=10_000_000;
 
     /// Whether a board can be set up so.
     pub fn is_possible(&self) -> bool {
-        let within = |of: &[i32; 3], most| of.iter().all(|x| x.unsigned_abs() <= most);
-        within(&self.imu_um, Self::FARTHEST_UM)
-            && within(&self.imu_urad, Self::AROUND_URAD)
+        let within = |of: &[i16; 3], most| of.iter().all(|x| x.unsigned_abs() <= most);
+        within(&self.imu_at, Self::FARTHEST)
+            && within(&self.imu_turned, Self::AROUND)
             && Self::BAUDS.contains(&self.bus_baud)
     }
 
@@ -55,11 +55,11 @@ impl Setup {
 
     /// From the IMU's axes to the trunk's.
     pub fn mounting<T: Real>(&self) -> Transform<T> {
-        let millionths = |x: i32| real::<T>(f64::from(x) / 1e6);
-        let [roll, pitch, yaw] = self.imu_urad.map(millionths);
+        let parts = |x: i16| real::<T>(f64::from(x) / 1e4);
+        let [roll, pitch, yaw] = self.imu_turned.map(parts);
         Transform {
             rotation: Rotation3::from_euler_angles(roll, pitch, yaw).into_inner(),
-            translation: Vector3::from(self.imu_um.map(millionths)),
+            translation: Vector3::from(self.imu_at.map(parts)),
         }
     }
 }

@@ -56,8 +56,8 @@ fn hello() -> Hello {
         .into_iter()
         .collect(),
         setup: Setup {
-            imu_um: [i32::MIN; 3],
-            imu_urad: [i32::MIN; 3],
+            imu_at: [i16::MIN; 3],
+            imu_turned: [i16::MIN; 3],
             bus_baud: u32::MAX,
         },
         setup_in_use: true,

@@ -106,11 +106,11 @@ pub fn words_of_zero(zero: Zero) -> &'static str {
 
 /// What a board is set up for, in words.
 pub fn words_of_setup(setup: &Setup) -> String {
-    let numbers = |of: [i32; 3]| of.map(|x| (f64::from(x) / 1e6).to_string()).join(", ");
+    let numbers = |of: [i16; 3]| of.map(|x| (f64::from(x) / 1e4).to_string()).join(", ");
     format!(
         "IMU at {} m, turned by {} rad; buses at {} Mbit/s",
-        numbers(setup.imu_um),
-        numbers(setup.imu_urad),
+        numbers(setup.imu_at),
+        numbers(setup.imu_turned),
         f64::from(setup.bus_baud) / 1e6
     )
 }

@@ -4,8 +4,8 @@ use super::*;
 use proprio_core::wire::Setup;
 
 const OTHER: Setup = Setup {
-    imu_um: [-25_000, 1_000, 70_000],
-    imu_urad: [3_141_593, 0, 0],
+    imu_at: [-250, 10, 700],
+    imu_turned: [31_416, 0, 0],
     bus_baud: 2_000_000,
 };
 const THIRD: Setup = Setup {

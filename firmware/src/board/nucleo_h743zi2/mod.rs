@@ -56,7 +56,7 @@ const CORE_HZ: u32 = 400_000_000;
 
 /// What it is set up for before a host has said so: a Go2's buses, and an IMU on the middle of the trunk's back, whose x points forward and whose z up.
 const SETUP: Setup = Setup {
-    imu_um: [0, 0, 70_000],
+    imu_at: [0, 0, 700],
     ..Setup::GO2
 };
 

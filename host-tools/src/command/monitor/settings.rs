@@ -103,11 +103,11 @@ impl KnownBody {
     }
 }
 
-/// Three numbers, as whole millionths.
+/// Three numbers, as whole ten thousandths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Millionths([i32; 3]);
+pub(super) struct TenThousandths([i16; 3]);
 
-impl FromStr for Millionths {
+impl FromStr for TenThousandths {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -119,7 +119,7 @@ impl FromStr for Millionths {
             .try_into()
             .map_err(|_| "write it as three numbers, 0,0,0.07".to_owned())?;
         // What is beyond its range is beyond what a board can be set up for.
-        Ok(Self(numbers.map(|x| (1e6 * x).round() as i32)))
+        Ok(Self(numbers.map(|x| (1e4 * x).round() as i16)))
     }
 }
 
@@ -128,10 +128,10 @@ impl FromStr for Millionths {
 pub(super) struct SetupArguments {
     /// Have a board of a robot that walks take its IMU to be there from its next start on: the trunk's frame, m
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    imu_at: Option<Millionths>,
+    imu_at: Option<TenThousandths>,
     /// And its axes to be turned so against the trunk's: about x, then y, then z, rad
     #[arg(long, value_name = "ROLL,PITCH,YAW", allow_hyphen_values = true)]
-    imu_turned: Option<Millionths>,
+    imu_turned: Option<TenThousandths>,
     /// Have a board listen to its motor buses at so many bits per second from its next start on: 100000 to 10000000
     #[arg(long, value_name = "BAUD")]
     bus_baud: Option<u32>,
@@ -147,8 +147,8 @@ impl SetupArguments {
     pub(super) fn action(&self, hello: &Hello) -> Action {
         let is = hello.setup;
         Action::SetUp(Setup {
-            imu_um: self.imu_at.map_or(is.imu_um, |at| at.0),
-            imu_urad: self.imu_turned.map_or(is.imu_urad, |turned| turned.0),
+            imu_at: self.imu_at.map_or(is.imu_at, |at| at.0),
+            imu_turned: self.imu_turned.map_or(is.imu_turned, |turned| turned.0),
             bus_baud: self.bus_baud.unwrap_or(is.bus_baud),
         })
     }
@@ -193,12 +193,12 @@ mod tests {
         };
         assert!(asked.is_asked());
         let setup = Setup {
-            imu_um: [-25_700, 0, 70_000],
+            imu_at: [-257, 0, 700],
             ..hello.setup
         };
         assert_eq!(asked.action(&hello), Action::SetUp(setup));
         for text in ["1,2", "1,2,3,4", "1,2,up", ""] {
-            assert!(text.parse::<Millionths>().is_err(), "{text}");
+            assert!(text.parse::<TenThousandths>().is_err(), "{text}");
         }
     }
 
