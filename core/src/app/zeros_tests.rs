@@ -386,7 +386,7 @@ fn a_zero_set_anew_elsewhere_forgets_what_was_learnt() {
 
 #[test]
 fn zeros_outlive_the_board_and_are_trusted_only_when_the_host_says_so() {
-    let mut flash = RamFlash::new(vec![0xFF; 2 * SECTOR]);
+    let mut flash = RamFlash::new(vec![0xFF; (2 + SETUP_SECTORS) * SECTOR]);
     let mut robot = Robot::new([(4 * TURN, false), (-TURN / 3, true), (70_000, false)]);
     let Whole { app, memory } = &mut *robot.device;
     app.restore(memory, &mut flash);

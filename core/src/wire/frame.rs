@@ -10,7 +10,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use super::{DeviceMessage, HostMessage, Peer, SCHEMA};
 
 /// Bytes that the largest message takes on the wire; a test fills every field.
-pub const MAX_FRAME: usize = 696;
+pub const MAX_FRAME: usize = 672;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 const CRC_LEN: usize = 4;

@@ -141,8 +141,8 @@ pub struct Hello {
     pub zeros: [[Zero; JOINTS_PER_LEG]; LEGS],
     /// What is known of each leg's wiring.
     pub wiring: [Wiring; LEGS],
-    /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
-    pub effects: Vec<String<24>, MAX_EFFECTS>,
+    /// Names of the effects that the device keeps columns for, the longest of 18 letters; other messages speak of them by their place in this list.
+    pub effects: Vec<String<20>, MAX_EFFECTS>,
     /// What the board is set up for from its next start on.
     pub setup: Setup,
     /// It was so at this start as well: nothing waits for the next.
