@@ -23,6 +23,8 @@ from robots import HERE, ROBOTS, SECONDS, Drive, drawn, load, loaded, motion, na
 # Which of them the catalogue has; what is found for the others is a formula, or the sentence that the catalogue lacks it.
 CATALOGUE = ["spring", "stribeck", "quadratic_drag", "load_friction", "cogging", "payload", "torque_gain", "velocity_gain", "delay", "coupled_viscous", "presliding"]
 OUTSIDE = ["grown_friction", "end_stop", "position_friction", "cable"]
+# Stiffness of arms' gears and shafts, N m/rad: a small wrist's belt and a large arm's gear.
+GEARS = 100.0, 1e7
 
 
 def hidden(effect, model, t, q, dq, tau, drive, random):
