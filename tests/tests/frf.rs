@@ -378,18 +378,8 @@ fn fewer_experiments_than_joints_give_the_springs() {
     let words = "frf frf.csv -m fitted.toml --experiments 2 --json";
     let found = json(&done(folder, &words.split(' ').collect::<Vec<_>>()));
     let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
-    let mut within = 0_u32;
-    for joint in ["yaw", "shoulder", "elbow"] {
-        for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.12)] {
-            let (wrong, z) = error_of(&found, &truth, &format!("{what}:{joint}"));
-            assert!(
-                wrong.abs() < share,
-                "{what}:{joint} {:+.2} %",
-                100.0 * wrong
-            );
-            within += u32::from(z <= 2.0);
-        }
-    }
+    let joints = ["yaw", "shoulder", "elbow"].map(|joint| (joint, [0.01, 0.12]));
+    let within = springs_within(&found, &truth, &joints);
     assert!(within >= 5, "{within} of 6 within 2 standard deviations");
     // No link bends.
     let candidates = found["candidates"].as_array().unwrap();
@@ -495,23 +485,15 @@ fn an_arm_of_six_axes() {
     assert!(told.contains("masses are doubtful: "), "{told}");
     let found = json(&stdout(&output));
     let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
-    let mut within = 0_u32;
-    for (joint, _) in SIX {
-        let [k, d] = if joint == "A1" {
+    let limit = |joint| {
+        if joint == "A1" {
             [0.02, 0.15]
         } else {
             [0.005, 0.08]
-        };
-        for (what, share) in [("1/k:elasticity", k), ("d:elasticity", d)] {
-            let (wrong, z) = error_of(&found, &truth, &format!("{what}:{joint}"));
-            assert!(
-                wrong.abs() < share,
-                "{what}:{joint} {:+.2} %",
-                100.0 * wrong
-            );
-            within += u32::from(z <= 2.0);
         }
-    }
+    };
+    let joints = SIX.map(|(joint, _)| (joint, limit(joint)));
+    let within = springs_within(&found, &truth, &joints);
     assert!(within >= 11, "{within} of 12 within 2 standard deviations");
     // No link bends.
     let candidates = found["candidates"].as_array().unwrap();
@@ -519,6 +501,20 @@ fn an_arm_of_six_axes() {
         candidates.iter().all(|one| one["taken"] == false),
         "{candidates:?}"
     );
+}
+
+/// How many of these joints' 1/k and d are within two standard deviations; each must be within its share of the truth.
+fn springs_within(found: &Value, truth: &Value, joints: &[(&str, [f64; 2])]) -> usize {
+    let mut within = 0;
+    for (joint, shares) in joints {
+        for (what, share) in ["1/k", "d"].into_iter().zip(shares) {
+            let name = format!("{what}:elasticity:{joint}");
+            let (wrong, z) = error_of(found, truth, &name);
+            assert!(wrong.abs() < *share, "{name} {:+.2} %", 100.0 * wrong);
+            within += usize::from(z <= 2.0);
+        }
+    }
+    within
 }
 
 /// An estimate's error as a share of the truth, and in its standard deviations.
