@@ -63,11 +63,12 @@ impl Motion {
                 let gear = gear(values, j, compliance);
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
-                    let known: Vec<f64> = stretch.clone().map(|k| load.known[k * n + j]).collect();
+                    let filtered: Vec<f64> =
+                        stretch.clone().map(|k| load.filtered[k * n + j]).collect();
                     let time = &self.time[stretch.clone()];
                     for (i, k) in stretch.clone().enumerate() {
                         let at = k * n + j;
-                        let give = local_line(time, &known, i, around(time, i)).map(|x| -x);
+                        let give = local_line(time, &filtered, i, around(time, i)).map(|x| -x);
                         states.give[at - from] = give;
                         states.move_link(at - from, compliance, give);
                     }
@@ -181,7 +182,7 @@ impl Motion {
         let (n, first) = (self.joints, states.first);
         let (rigid, base) = (body.loaded(values), body.base(values));
         let of = |spring: &Spring| {
-            let own = stretch.clone().map(|k| load.known[k * n + spring.joint]);
+            let own = stretch.clone().map(|k| load.filtered[k * n + spring.joint]);
             own.collect::<Vec<f64>>()
         };
         let loads: Vec<Vec<f64>> = springs.iter().map(of).collect();
@@ -238,7 +239,7 @@ impl Motion {
         by: &Follows,
     ) -> Vec<(usize, [f64; 2])> {
         let at = || stretch.clone().map(|k| k * self.joints + joint);
-        let torque: Vec<f64> = at().map(|at| load.known[at]).collect();
+        let torque: Vec<f64> = at().map(|at| load.filtered[at]).collect();
         let inertia: Vec<f64> = at().map(|at| load.inertia[at]).collect();
         at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
             .collect()

@@ -1,7 +1,7 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
 //! 1. `motion`: a limb's motion without any torque, cut into windows of time; `joint_states`: with `links` (`backlash`, `spring`, `coupled_springs`) and `presliding`,
-//!    what effects see of it under a model; `free_tree` and `recoil`, what joints feel of a base that their motion moves; `transmitted_torque`, what its gears transmit, smoothed by a `local_line`, as far as `known_torque` has it and kept in `transmitted_torque_cache`.
+//!    what effects see of it under a model; `free_tree` and `recoil`, what joints feel of a base that their motion moves; `transmitted_torque`, what its gears transmit, smoothed by a `local_line`, for links that move by a `torque_filter`, and kept in `transmitted_torque_cache`.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them; `encoder`: the motion behind what encoders report.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `contribution`: what an effect adds
 //!    to a torque.
@@ -21,7 +21,6 @@ pub(crate) mod free_tree;
 pub(crate) mod hysteresis;
 pub(crate) mod integrals;
 pub(crate) mod joint_states;
-mod known_torque;
 pub(crate) mod link_response;
 mod links;
 pub(crate) mod local_line;
@@ -33,6 +32,7 @@ pub(crate) mod reversal;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
 mod spring;
+mod torque_filter;
 pub(crate) mod transmitted_torque;
 pub(crate) mod transmitted_torque_cache;
 mod unfollowed;

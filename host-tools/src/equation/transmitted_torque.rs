@@ -144,15 +144,15 @@ impl Motion {
                 turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
             }
         });
-        let known = if loose {
-            self.known_torque(body, values, motors.0, &torque)
+        let filtered = if loose {
+            self.filtered_torque(body, values, motors.0, &torque)
         } else {
             inertia = Vec::new();
             Vec::new()
         };
         Load {
             inertia,
-            known,
+            filtered,
             line: self.lines(&torque, asked),
             torque,
         }

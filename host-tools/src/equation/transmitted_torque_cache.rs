@@ -15,8 +15,8 @@ pub(super) const MOST_OF_BRISTLES: usize = 250_000;
 pub(crate) struct Load {
     /// Sample by sample, joint by joint, N m.
     pub(super) torque: Vec<f64>,
-    /// What of it is motion, and no noise of it ([`Motion::known_torque`](super::motion::Motion)), N m. Nothing where no link may move.
-    pub(super) known: Vec<f64>,
+    /// What of it is motion, and no noise of it ([`Motion::filtered_torque`](super::motion::Motion)), N m. Nothing where no link may move.
+    pub(super) filtered: Vec<f64>,
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
     pub(super) line: Vec<[f64; 2]>,
     /// The inertia that each joint turns, kg m²; sample by sample, joint by joint. Nothing where no link may move.

@@ -6,7 +6,8 @@
 //! of it that is motion (Wiener 1949, *Extrapolation, Interpolation, and Smoothing of Stationary Time Series*), with which a regression is consistent
 //! (Carroll et al. 2006, *Measurement Error in Nonlinear Models*, ch. 4).
 //!
-//! The noise's density is the two channels', fused and smoothed, times the inertia and ω²; what there is of both, the log's own.
+//! The density of the noise is that of the two channels, fused and smoothed, times the square of the inertia and of ω²; the density of torque and noise
+//! together is the log's own.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -40,7 +41,7 @@ const SURE_BURST: f64 = 20.0;
 
 impl Motion {
     /// What of torques (N m; sample by sample, joint by joint) is motion, and not its noise.
-    pub(super) fn known_torque(
+    pub(super) fn filtered_torque(
         &self,
         body: &LimbBody,
         values: &Values,
