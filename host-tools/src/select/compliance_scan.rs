@@ -4,9 +4,8 @@
 use super::accept::Context;
 use super::candidate::{Candidate, Finding, Trial};
 use super::criteria::choice::{handicap, may_be_transmission};
-use super::criteria::step::{
-    LEAST_SHARE, is_held, is_less, is_resolved, is_structure, may_take_away,
-};
+use super::criteria::presence::is_worth_trying;
+use super::criteria::step::{LEAST_SHARE, is_held, is_less, is_structure, may_take_away};
 use super::fitted::Fitted;
 use super::refused::Refused;
 use super::score_test::Screen;
@@ -114,20 +113,21 @@ pub(super) fn most_promising_transmission<'c, 'a>(
     all: &'c [Candidate],
 ) -> Option<(&'c Candidate, State<'a>, bool)> {
     let (model, now) = (context.model, context.now());
-    // What is left of the joint where it would be, (N m)²; none where that is no more than samples resolve.
-    let left = |c: &Candidate| -> Option<f64> {
+    // What is left of the joint where it would be, (N m)², and what it promises; none where it is not worth a trial.
+    let worth = |c: &Candidate| -> Option<(f64, f64)> {
         let [(limb, (_, joint))] = c.members[..] else {
             return None;
         };
         let data = &context.data[limb];
         let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint()[joint];
-        let square = model.squares[limb].by_joint()[joint];
-        is_resolved(square, torque).then_some(square)
+        let left = model.squares[limb].by_joint()[joint];
+        let promise = most(context.screens, c);
+        is_worth_trying(left, torque, promise, now).then_some((left, promise.unwrap_or(now)))
     };
     let is_open = |c: &&Candidate| c.effect.description().is_compliant() && !refused.has(c, model);
     let mut open: Vec<(&Candidate, f64, f64)> = (all.iter().filter(is_open))
-        .filter_map(|c| Some((c, left(c)?, most(context.screens, c).unwrap_or(now))))
-        .filter(|(_, _, most)| may_take_away(*most, LEAST_SHARE, now))
+        .filter_map(|c| worth(c).map(|(left, promise)| (c, left, promise)))
+        .filter(|(_, _, promise)| may_take_away(*promise, LEAST_SHARE, now))
         .collect();
     open.sort_by(|a, b| b.2.total_cmp(&a.2));
     open.truncate(MOST_TRIED);

@@ -13,8 +13,8 @@ const LEAST_GAIN: f64 = 0.02;
 /// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
 /// many.
 const LEAST_GAIN_OF_SLOW: f64 = 0.005;
-/// What acts by weight is there if it takes away this share of its joints' error, however small it is; from this share on a soft spring or a
-/// wide play may be what another effect resembles.
+/// What sampling does not look like is there if it takes away this share of its joints' error, however small it is; from this share on a soft spring or
+/// a wide play may be what another effect resembles.
 pub(crate) const SURE_GAIN: f64 = 0.05;
 /// Share of a joint's mean square error that is no noise, or that a value explains which cannot be, from which something is missing that
 /// the catalogue does not have: a fifth, for a log's sampling, its reversals and lost messages leave shares of less.
@@ -76,9 +76,20 @@ pub(crate) fn is_there(candidate: &Candidate) -> bool {
         // A cause that is there is there all the time.
         && -harm < MOST_HARM * (gain - harm)
         && held_out_gain > least_gain(candidate.effect)
-        // What sampling alone leaves of a torque looks like friction and like delays, but not like a weight.
         && (candidate.torque_error_taken() > LEAST_EFFECT.powi(2) * candidate.torque
-            || acts_by_weight(candidate.effect) && held_out_gain > SURE_GAIN)
+            || !is_like_sampling(candidate.effect) && held_out_gain > SURE_GAIN)
+}
+
+/// Whether what sampling alone leaves of a torque looks like an effect: like friction and like delays, but not like a weight, nor like a spring or a play
+/// that more than the motion between two samples shows (`feasible::is_resolved_spring`), which a fit of one asks for.
+fn is_like_sampling(effect: EffectKind) -> bool {
+    !acts_by_weight(effect) && !effect.description().is_compliant()
+}
+
+/// Whether a spring or a play is tried where no column shows it: what is `left` of its joint, (N m)², is more than sampling leaves of its torque, or
+/// what it promises, where that is known, is a sure part of the error `now` of all joints.
+pub(crate) fn is_worth_trying(left: f64, torque: f64, promise: Option<f64>, now: f64) -> bool {
+    left >= RESOLUTION.powi(2) * torque || promise.is_some_and(|promise| promise > SURE_GAIN * now)
 }
 
 /// Whether a candidate is a sure part of the error of one joint: then a soft spring or a wide play there may be what it resembles.

@@ -1,6 +1,6 @@
 //! Whether a model that was fitted is worth a step: judged by what it predicts of data that it has not seen.
 
-use super::presence::{LEAST_EFFECT, RESOLUTION, STRUCTURE};
+use super::presence::{LEAST_EFFECT, STRUCTURE};
 
 /// Most steps of a search.
 const MOST_STEPS: usize = 40;
@@ -165,11 +165,6 @@ pub(crate) fn does_as_well(one: f64, two: f64) -> bool {
 pub(crate) fn begins_below(begin: f64, end: f64, torque: f64) -> bool {
     let less = end - begin;
     less >= LEAST_SHARE * end && less >= LEAST_EFFECT.powi(2) * torque
-}
-
-/// Whether a joint's error (N m)² is more than sampling leaves of its torque.
-pub(crate) fn is_resolved(error: f64, torque: f64) -> bool {
-    error >= RESOLUTION.powi(2) * torque
 }
 
 /// Whether a fall of all joints' error takes away so much of a joint's that no sampling makes it.

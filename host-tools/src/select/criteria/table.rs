@@ -6,7 +6,7 @@ use proprio_core::effect::EffectKind;
 
 use super::choice::{Look, are_one_column, handicap, may_be_transmission};
 use super::feasible::{NEAR, REACH, is_feasible};
-use super::presence::{is_change, is_structure, is_there, moves};
+use super::presence::{is_change, is_structure, is_there, is_worth_trying, moves};
 use super::statistics::{Squared, least_z, noise_lags};
 use super::step::{self, HeldOut};
 use crate::model::BASE;
@@ -98,10 +98,13 @@ fn answer(question: &str, asked: &str) -> String {
             numbers()[2],
         )),
         "again" => yes(!step::promises_no_more(numbers()[0], numbers()[1])),
-        "resolved" => yes(step::is_resolved(
-            numbers()[0].powi(2),
-            numbers()[1].powi(2),
-        )),
+        "worth trying" => {
+            // What is left of a joint and its torque, N m; what is promised and all joints' error.
+            let n = numbers();
+            let promise = n.get(2).copied();
+            let now = n.get(3).copied().unwrap_or_default();
+            yes(is_worth_trying(n[0].powi(2), n[1].powi(2), promise, now))
+        }
         "sampling" => yes(!step::is_structure(numbers()[0], numbers()[1])),
         "go on" => yes(step::goes_on(numbers()[0] as usize, numbers()[1] as usize)),
         "drift" => yes(is_change(numbers()[0], numbers()[1], numbers()[2])),
