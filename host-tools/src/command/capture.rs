@@ -320,7 +320,7 @@ impl fmt::Display for Words<'_> {
                     order.join(", ")
                 )?;
             }
-            None => writeln!(f, "Too few cycles to tell order and rate of polling")?,
+            None => writeln!(f, "Too few cycles to determine order and rate of polling")?,
         }
         writeln!(
             f,

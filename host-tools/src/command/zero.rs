@@ -251,7 +251,7 @@ impl Zero {
             .find(|j| wanted.iter().all(|(known, _)| known != *j))
         {
             let message = format!(
-                "{} is said to be reversed, but not where it is",
+                "{} is stated as reversed, but without its angle",
                 joint.name()
             );
             super::usage_error("zero", ErrorKind::ArgumentConflict, message);

@@ -338,7 +338,7 @@ impl View {
         }
         if first_consistent {
             self.happened(format!(
-                "{}: least squares has an impossible body or friction below zero; the likeliest that can be is shown",
+                "{}: least squares gives an unphysical body or negative friction; the physical solution is shown",
                 leg.name()
             ));
         }
@@ -458,7 +458,7 @@ impl View {
             Action::SetLegs(legs) => format!("listen to {}", legs_of(legs)),
             Action::Keep => "snapshot".to_owned(),
             Action::SetPositions(Positions::Absolute) => "positions are angles".to_owned(),
-            Action::SetPositions(Positions::FromPowerUp) => "zeros to be said".to_owned(),
+            Action::SetPositions(Positions::FromPowerUp) => "zeros to be set".to_owned(),
             Action::SetZero(SetZero {
                 leg, joint, angle, ..
             }) => {
