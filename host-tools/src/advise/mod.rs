@@ -186,8 +186,7 @@ impl Advised {
             return String::new();
         }
         let mut text =
-            "\nWhat these logs could not tell (`proprio advise` tells each parameter):\n"
-                .to_owned();
+            "\nNot identified by these logs (`proprio advise` lists each parameter):\n".to_owned();
         for limb in open {
             text += &limb.heading();
             for advice in limb.parameters.iter().filter(|a| a.is_open()).take(CLOSING) {

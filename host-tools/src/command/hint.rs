@@ -38,7 +38,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Recording(error) => Some(of_recording(error)),
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
-            "record /lowstate, which has all motors and the IMU; of a robot that hangs, leave out --free-base".to_owned(),
+            "record /lowstate, which has all motors and the IMU; of a suspended robot, leave out --free-base".to_owned(),
         ),
         Error::FreeBase(FreeBaseError::NoWindows(_)) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
@@ -57,10 +57,10 @@ pub(super) fn of(error: &Error) -> Option<String> {
                 "check that the URDF is this robot's, and that `[base]` in the model file states how it is mounted; or go on with --anyway".to_owned()
             }
             (Some(MismatchKind::NoBetterThanNothing(_)), true) => {
-                "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
+                "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it were suspended".to_owned()
             }
             (Some(MismatchKind::NoBetterThanNothing(_)), false) => {
-                "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it hung"
+                "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it were suspended"
                     .to_owned()
             }
             _ => format!("{CORRECT_THE_LOG}, or go on with --anyway"),
@@ -77,7 +77,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Feed(FeedError::Device(error) | FeedError::Replay(ReplayError::Device(error))) => of_device(error),
         Error::Feed(FeedError::Journal(error)) => Some(of_journal(error).to_owned()),
         Error::Feed(FeedError::NoWalk { .. }) => {
-            Some("leave out --free-base for a robot that hangs; of rows, name columns gyro/x to acc/z and all joints".to_owned())
+            Some("leave out --free-base for a suspended robot; of rows, name columns gyro/x to acc/z and all joints".to_owned())
         }
         Error::Feed(FeedError::Replay(_)) => None,
         Error::Feed(FeedError::Diverged(_)) => {
@@ -281,7 +281,7 @@ fn of_rest(error: &RestError) -> Option<String> {
             "check that the robot sends all the time, and give a second of it"
         }
         RestError::Moves { .. } => {
-            "lay the robot down, or hang it, until its joints rest; then again"
+            "lay the robot down, or suspend it, until its joints rest; then again"
         }
         RestError::OutOfRange { .. } => {
             "positions are in rad at the joints; if the robot's own zero is wrong, name the angles: --pose, --at"

@@ -137,7 +137,7 @@ fn parse_from(text: &str) -> Result<Reporter, String> {
             address,
         }),
         Some(_) => {
-            Err("a motor bus does not say where joints are: dds[:IFACE][/TOPIC] or -".to_owned())
+            Err("a motor bus does not give the joints' angles: dds[:IFACE][/TOPIC] or -".to_owned())
         }
         None => Err("expected dds[:IFACE][/TOPIC] or -".to_owned()),
     }

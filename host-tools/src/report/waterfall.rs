@@ -102,8 +102,8 @@ fn figure(steps: &[Step], floor: Option<f64>) -> Figure {
     Figure {
         title: String::new(),
         traces: vec![
-            bar(left, "left", colour::BAR),
-            bar(removed, "taken away", colour::REMOVED),
+            bar(left, "held-out error", colour::BAR),
+            bar(removed, "explained", colour::REMOVED),
         ],
         layout,
         group: None,

@@ -86,7 +86,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         | RobotProblem::UnknownLink { unknown, .. }
         | RobotProblem::UnknownHeld(unknown) => return of_name(unknown),
         RobotProblem::UnsupportedType { kind: "floating", .. } => {
-            "the base is pinned: delete the floating joint and the link above it, or make it `fixed`".to_owned()
+            "the base is fixed: delete the floating joint and the link above it, or make it `fixed`".to_owned()
         }
         RobotProblem::UnsupportedType { .. } => {
             "make it `fixed`, or write it as several revolute and prismatic joints".to_owned()
