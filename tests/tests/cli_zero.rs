@@ -33,10 +33,7 @@ fn a_device_is_told_where_the_joints_are_whatever_the_power_up() {
         "{told}"
     );
     let text = done(folder.path(), &["zero", "sim"]);
-    assert!(
-        text.contains("unknown: nobody has said where it is"),
-        "{text}"
-    );
+    assert!(text.contains("unknown: not set"), "{text}");
 }
 
 /// Rows of joints that rest at `angles`, as a driver prints them, at 100 Hz: every third row off by less than the bus can tell apart, and at one joint
@@ -233,10 +230,7 @@ fn a_monitor_says_that_a_zero_is_unknown_and_shows_no_estimate() {
         assert_eq!(leg["unplaced"], leg["samples"]);
     }
     let events = report["events"].to_string();
-    assert!(
-        events.contains("unknown: nobody has said where it is"),
-        "{events}"
-    );
+    assert!(events.contains("unknown: not set"), "{events}");
     let lines = done(folder.path(), &[&words[..], &["--lines"]].concat());
     assert!(lines.contains("FR zero unknown, 500 samples/s"), "{lines}");
 }

@@ -186,8 +186,7 @@ impl Advised {
             return String::new();
         }
         let mut text =
-            "\nWhat these logs could not tell (`proprio advise` tells each parameter):\n"
-                .to_owned();
+            "\nNot identified by these logs (`proprio advise` lists each parameter):\n".to_owned();
         for limb in open {
             text += &limb.heading();
             for advice in limb.parameters.iter().filter(|a| a.is_open()).take(CLOSING) {
@@ -267,7 +266,7 @@ impl fmt::Display for Advice {
         let best = match self.learned {
             Learned::NotIdentifiable => String::new(),
             _ if self.best_std <= NOTHING * self.prior_std => {
-                "; a long, rich motion can tell all of it".to_owned()
+                "; a long, rich motion identifies all of it".to_owned()
             }
             _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
         };
@@ -337,7 +336,7 @@ mod tests {
         let open = "hz:FR_hip              prior-dominated          ±0.0013 kg m now, ±0.0013 before these logs; ";
         assert_eq!(
             of(2e-14),
-            format!("{open}a long, rich motion can tell all of it")
+            format!("{open}a long, rich motion identifies all of it")
         );
         assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
     }

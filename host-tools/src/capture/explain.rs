@@ -359,7 +359,7 @@ impl Explanation {
             ));
         } else if self.replies == 0 {
             warnings.push(
-                "there are commands and no reply: no motor answers, or only the master is heard"
+                "there are commands and no reply: no motor answers, or only the master is received"
                     .to_owned(),
             );
         }
@@ -386,7 +386,7 @@ impl Explanation {
             {
                 let id = motor.id;
                 warnings.push(format!(
-                    "motor {id} tells {least:.3} to {most:.3} rad, and a {joint} is within {lower:.3} to {upper:.3}: it counts from elsewhere than the joint's zero"
+                    "motor {id} reports {least:.3} to {most:.3} rad, and a {joint} is within {lower:.3} to {upper:.3}: it counts from elsewhere than the joint's zero"
                 ));
             }
         }

@@ -35,7 +35,7 @@ impl BusArguments {
             [Some(hip), Some(thigh), Some(calf)] => Told::At([hip, thigh, calf]),
             [None, None, None] => Told::Nothing,
             _ => {
-                let message = "--at says where all three joints of one leg are".to_owned();
+                let message = "--at states the angles of all three joints of one leg".to_owned();
                 usage_error(command, ErrorKind::MissingRequiredArgument, message)
             }
         }

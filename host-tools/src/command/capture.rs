@@ -275,10 +275,10 @@ impl fmt::Display for Recorded {
         if let Some([commands, replies]) = self.board {
             writeln!(
                 f,
-                "The emulated board heard {commands} commands and {replies} replies of them"
+                "The emulated board received {commands} commands and {replies} replies of them"
             )?;
         }
-        writeln!(f, "What they say: proprio capture --explain {output}")
+        writeln!(f, "Next: proprio capture --explain {output}")
     }
 }
 
@@ -320,7 +320,7 @@ impl fmt::Display for Words<'_> {
                     order.join(", ")
                 )?;
             }
-            None => writeln!(f, "Too few cycles to tell order and rate of polling")?,
+            None => writeln!(f, "Too few cycles to determine order and rate of polling")?,
         }
         writeln!(
             f,

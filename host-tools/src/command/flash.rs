@@ -71,7 +71,7 @@ impl Flash {
             true => result("flash", &report),
             false if self.dry_run => report.commands.join("\n") + "\n",
             false => {
-                "Flashed. `proprio ports` tells the board's port; then: proprio monitor PORT\n"
+                "Flashed. `proprio ports` shows the board's port; then: proprio monitor PORT\n"
                     .to_owned()
             }
         })

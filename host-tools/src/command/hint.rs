@@ -38,13 +38,13 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Recording(error) => Some(of_recording(error)),
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
-            "record /lowstate, which has all motors and the IMU; of a robot that hangs, leave out --free-base".to_owned(),
+            "record /lowstate, which has all motors and the IMU; of a suspended robot, leave out --free-base".to_owned(),
         ),
         Error::FreeBase(FreeBaseError::NoWindows(_)) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(FreeBaseError::NoFeet { .. }) => Some(
-            "say in the model file which link touches the ground: [[foot]] link = \"FL_FOOT\", radius = 0.02; points = [[…], …] of a flat foot"
+            "state in the model file which link touches the ground: [[foot]] link = \"FL_FOOT\", radius = 0.02; points = [[…], …] of a flat foot"
                 .to_owned(),
         ),
         Error::FreeBase(FreeBaseError::Facts(unknown)) => unknown.nearest().map(|name| format!("did you mean `{name}`?")),
@@ -54,13 +54,13 @@ pub(super) fn of(error: &Error) -> Option<String> {
                 "proprio frf {logs} -m MODEL finds its springs, with friction and masses of a slow log in the model file; or go on with --anyway"
             ),
             (Some(MismatchKind::NoBetterThanNothing(_)), _) if !is_go2 => {
-                "check that the URDF is this robot's, and that `[base]` in the model file says how it is mounted; or go on with --anyway".to_owned()
+                "check that the URDF is this robot's, and that `[base]` in the model file states how it is mounted; or go on with --anyway".to_owned()
             }
             (Some(MismatchKind::NoBetterThanNothing(_)), true) => {
-                "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
+                "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it were suspended".to_owned()
             }
             (Some(MismatchKind::NoBetterThanNothing(_)), false) => {
-                "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it hung"
+                "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it were suspended"
                     .to_owned()
             }
             _ => format!("{CORRECT_THE_LOG}, or go on with --anyway"),
@@ -77,7 +77,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Feed(FeedError::Device(error) | FeedError::Replay(ReplayError::Device(error))) => of_device(error),
         Error::Feed(FeedError::Journal(error)) => Some(of_journal(error).to_owned()),
         Error::Feed(FeedError::NoWalk { .. }) => {
-            Some("leave out --free-base for a robot that hangs; of rows, name columns gyro/x to acc/z and all joints".to_owned())
+            Some("leave out --free-base for a suspended robot; of rows, name columns gyro/x to acc/z and all joints".to_owned())
         }
         Error::Feed(FeedError::Replay(_)) => None,
         Error::Feed(FeedError::Diverged(_)) => {
@@ -143,11 +143,11 @@ pub(super) fn of(error: &Error) -> Option<String> {
             Some("`proprio diagnose` tries the whole catalogue on the desktop".to_owned())
         }
         Error::NotPlaced { .. } => Some(
-            "the robot must be on and its bus heard, the joint at rest where it is said to be: proprio monitor PORT".to_owned(),
+            "the robot must be on and its bus received, the joint at rest at the stated angle: proprio monitor PORT".to_owned(),
         ),
         Error::Rest(error) => of_rest(error),
         Error::NotReported { .. } => Some("name other --legs, or a source that has all joints of this one".to_owned()),
-        Error::NoZeros => Some("say where the joints are: proprio zero PORT --help".to_owned()),
+        Error::NoZeros => Some("set the joints' angles: proprio zero PORT --help".to_owned()),
         Error::NoTrial => Some("see what it has found: proprio monitor PORT".to_owned()),
         Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
         Error::Diverged(_) | Error::Walk(WalkError::Diverged(_)) => {
@@ -215,7 +215,7 @@ pub fn of_writing(error: &std::io::Error) -> Option<&'static str> {
 /// The hint for a motion that cannot be designed.
 pub fn of_excite(error: &ExciteError) -> Option<String> {
     let hint = match error {
-        ExciteError::Setting { .. } => "`proprio excite --help` tells what each number is",
+        ExciteError::Setting { .. } => "`proprio excite --help` explains each number",
         ExciteError::Pose { .. } => {
             "begin elsewhere: `--pose JOINT=RAD,…` (`--height` of a robot that stands), or keep back less of that limit"
         }
@@ -227,7 +227,7 @@ pub fn of_excite(error: &ExciteError) -> Option<String> {
         }
         ExciteError::TooLarge(..) => "make the joints that can be held still fixed in the URDF",
         ExciteError::Unknown(unknown) => return of_name(unknown),
-        ExciteError::NotDesignable(_) => "`proprio diagnose` says in words which motion tells it",
+        ExciteError::NotDesignable(_) => "`proprio diagnose` names the motion that separates it",
         ExciteError::NotAGo2 => {
             "`proprio excite` without them designs motions of a limb on a fixed base"
         }
@@ -281,7 +281,7 @@ fn of_rest(error: &RestError) -> Option<String> {
             "check that the robot sends all the time, and give a second of it"
         }
         RestError::Moves { .. } => {
-            "lay the robot down, or hang it, until its joints rest; then again"
+            "lay the robot down, or suspend it, until its joints rest; then again"
         }
         RestError::OutOfRange { .. } => {
             "positions are in rad at the joints; if the robot's own zero is wrong, name the angles: --pose, --at"

@@ -339,7 +339,7 @@ pub(crate) enum Error {
     #[error("the terminal: {0}")]
     Terminal(std::io::Error),
     #[error(
-        "the device told no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
+        "the device sent no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
     )]
     NoEstimate {
         leg: &'static str,

@@ -137,7 +137,7 @@ fn parse_from(text: &str) -> Result<Reporter, String> {
             address,
         }),
         Some(_) => {
-            Err("a motor bus does not say where joints are: dds[:IFACE][/TOPIC] or -".to_owned())
+            Err("a motor bus does not give the joints' angles: dds[:IFACE][/TOPIC] or -".to_owned())
         }
         None => Err("expected dds[:IFACE][/TOPIC] or -".to_owned()),
     }
@@ -251,7 +251,7 @@ impl Zero {
             .find(|j| wanted.iter().all(|(known, _)| known != *j))
         {
             let message = format!(
-                "{} is said to be reversed, but not where it is",
+                "{} is stated as reversed, but without its angle",
                 joint.name()
             );
             super::usage_error("zero", ErrorKind::ArgumentConflict, message);

@@ -136,7 +136,7 @@ pub enum DeviceError {
     #[error("the firmware crashed: {0}")]
     Crashed(String),
     /// The device says nothing.
-    #[error("the device has said nothing for {0} s")]
+    #[error("the device has sent nothing for {0} s")]
     Silent(u64),
     /// The device speaks another language.
     #[error(transparent)]

@@ -96,7 +96,7 @@ pub fn words_of_zero(zero: Zero) -> &'static str {
     match zero {
         Zero::Absolute => "positions are angles",
         Zero::Set => "known",
-        Zero::Unknown => "unknown: nobody has said where it is",
+        Zero::Unknown => "unknown: not set",
         Zero::Restarted => "unknown: the board has restarted",
         Zero::Silent => "unknown: the motor was silent",
         Zero::Jumped => "unknown: the position jumped",

@@ -211,8 +211,8 @@ impl ParameterEstimate {
 }
 
 /// What [`effect_table`]'s marks mean.
-pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) prior-dominated, or within two ± of an absent effect,\n\
-                          (u) unexcited: the prior alone, (b) at its bound: the data would have it unphysical.";
+pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) prior-dominated, or within 2σ of an absent effect,\n\
+                          (u) unexcited: the prior alone, (b) at a bound, not identified: without the bound the value is unphysical.";
 
 /// A table of what every drive has, joint by joint, with further columns of which the headings, units and cells are given. `find` gives the
 /// estimate of that name; an effect that no joint has is left out.

@@ -78,7 +78,7 @@ pub enum FormulaProblem {
     NoNumber(String),
     /// Too many parameters of one kind.
     #[error(
-        "a formula has {limit} {what} at most; write two, or give the others a `value` and `held = true`"
+        "too many {what}: {limit} at most; write two formulas, or give the others a `value` and `held = true`"
     )]
     TooMany {
         /// "parameters", "parameters that multiply", "parameters in which it is not linear".

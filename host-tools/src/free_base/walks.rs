@@ -146,7 +146,7 @@ fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
     let air: f64 = stance.shares.air.iter().sum();
     if air == 0.0 {
         told.push(format!(
-            "{path}: no foot is ever surely in the air: the fewest equations are left, and the legs' bodies are hardly told"
+            "{path}: no foot is ever in swing: few equations remain, and the legs' bodies are hardly identified"
         ));
     }
     told

@@ -182,7 +182,7 @@ impl Calibration {
             .count();
         if open > 0 {
             words.push(format!(
-                "{open} of {} corrections stay as open as their priors; {} of {} parameters are identifiable as combinations",
+                "{open} of {} corrections are unexcited (the prior alone); {} of {} parameters are identifiable as combinations",
                 self.parameters.len(),
                 self.identifiable,
                 self.unknowns

@@ -17,7 +17,7 @@ pub enum LiveError {
     #[error(transparent)]
     Port(#[from] DeviceError),
     /// A motor counts from its power-up on, and where its joint was nobody said.
-    #[error("the bus of {} says how far its motors turn, and not from where", .leg.name())]
+    #[error("the bus of {} gives how far its motors turn, but not from which angle", .leg.name())]
     NoZeros {
         /// The leg.
         leg: Leg,

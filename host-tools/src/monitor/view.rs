@@ -300,9 +300,10 @@ impl View {
     fn feet(&mut self, before: bool, now: bool) {
         match (before, now) {
             (false, true) => self.happened(
-                "the robot's feet carry it: its windows are left out until it hangs".to_owned(),
+                "the robot's feet carry it: its windows are excluded until it is suspended"
+                    .to_owned(),
             ),
-            (true, false) => self.happened("the robot hangs".to_owned()),
+            (true, false) => self.happened("the robot is suspended".to_owned()),
             _ => {}
         }
     }
@@ -338,7 +339,7 @@ impl View {
         }
         if first_consistent {
             self.happened(format!(
-                "{}: least squares has an impossible body or friction below zero; the likeliest that can be is shown",
+                "{}: least squares gives an unphysical body or negative friction; the physical solution is shown",
                 leg.name()
             ));
         }
@@ -458,7 +459,7 @@ impl View {
             Action::SetLegs(legs) => format!("listen to {}", legs_of(legs)),
             Action::Keep => "snapshot".to_owned(),
             Action::SetPositions(Positions::Absolute) => "positions are angles".to_owned(),
-            Action::SetPositions(Positions::FromPowerUp) => "zeros to be said".to_owned(),
+            Action::SetPositions(Positions::FromPowerUp) => "zeros to be set".to_owned(),
             Action::SetZero(SetZero {
                 leg, joint, angle, ..
             }) => {
@@ -487,7 +488,7 @@ impl View {
             Outcome::NotActive => format!("{what}: the model does not have it"),
             Outcome::OutOfRange => format!("{what}: cannot be"),
             Outcome::NoStorage => format!("{what}: the board has no flash for it"),
-            Outcome::NotHeard => format!("{what}: its motor is not heard"),
+            Outcome::NotHeard => format!("{what}: its motor does not answer"),
             Outcome::Moves => format!("{what}: it moves"),
             Outcome::NoZero => format!("{what}: none is kept that has held"),
             Outcome::NoTrial => format!("{what}: no leg is on trial, or it has a fault"),

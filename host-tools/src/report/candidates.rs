@@ -45,7 +45,7 @@ pub fn section(candidates: &[Candidate]) -> Section {
         title: "What each missing effect would gain",
         text: "Each bar is an effect added alone: the share of the held-out squared error that it explains, \
                with its standard error. A bar that does not clear zero by some of its errors is no evidence. Look-alikes \
-               explain this log equally well: the log cannot tell which of them it is; another motion can. The number after \
+               explain this log equally well: another motion separates them. The number after \
                ≈ says how many there are; the table names them."
             .to_owned(),
         legend: vec![

@@ -58,8 +58,8 @@ pub(super) fn section(choices: &Choices, told: &Told) -> std::io::Result<Section
     Ok(Section {
         id: "try",
         title: "Tick what the model has",
-        text: "Each tick fits the bodies and all ticked effects anew, here in the page, to all stretches of time but one, and \
-               predicts that one; so for each. The command below finds the weights of the data anew as well: what it prints differs \
+        text: "Each tick fits the bodies and all ticked effects anew, here in the page, to all blocks of time but one, and \
+               predicts that one; so for each block. The command below finds the weights of the data anew as well: what it prints differs \
                by up to a hundredth."
             .to_owned(),
         legend: vec![

@@ -33,9 +33,9 @@ pub fn section(correlations: &[Correlation], model: &str) -> Section {
         id: "correlation",
         title: "Correlation of the residual with its past and with the inputs",
         text: format!(
-            "These are residuals of the model “{}”. If a model explains all but noise, its residual at one time tells nothing about the residual a little later \
-               (autocorrelation), nor does the motion tell anything about it (cross-correlation): the line then stays in \
-               the grey band for 99 of 100 lags. A line that leaves the band says that something is missing, and at which \
+            "These are residuals of the model “{}”. If a model explains all but noise, its residual at one time does not predict the residual a little later \
+               (autocorrelation), nor does the motion predict it (cross-correlation): the line then stays in \
+               the grey band for 99 of 100 lags. A line that leaves the band shows that something is missing, and at which \
                delay. Lag zero, where every autocorrelation is 1, is not drawn.",
             escape::html(model),
         ),

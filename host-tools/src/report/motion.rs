@@ -173,7 +173,7 @@ pub fn feedback(models: &[Feedback]) -> Section {
     Section {
         id: "feedback",
         title: "Feedback torque",
-        text: "The torque that is left for feedback when a model feeds forward: the smaller, the better the model.".to_owned(),
+        text: "The feedback torque with each model's feed-forward: smaller is better.".to_owned(),
         legend: models.iter().enumerate().map(key).collect(),
         figures: (0..joints).map(figure).collect(),
         table: None,

@@ -39,8 +39,8 @@ pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
         trace: None,
     };
     let mut legend = vec![
-        key("error that is left", colour::BAR, Mark::Area),
-        key("taken away by this step", colour::REMOVED, Mark::Area),
+        key("held-out error", colour::BAR, Mark::Area),
+        key("explained by this step", colour::REMOVED, Mark::Area),
     ];
     legend.extend(floor.map(|_| key("noise floor", colour::LIMIT, Mark::Dashed)));
     let figures = if steps.is_empty() {
@@ -52,7 +52,7 @@ pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
         id: "waterfall",
         title: "Error after each added effect",
         text: "From top to bottom, effects are added to the model one after the other, the most useful first. The dark bar is \
-               the held-out error that remains (root mean square), the pale part what the step \
+               the held-out error (root mean square), the pale part what the step \
                explained. No model can go below the noise floor; when the bars reach it, nothing is missing. The non-parametric bound is no model, \
                but shows what one could still explain."
             .to_owned(),
@@ -102,8 +102,8 @@ fn figure(steps: &[Step], floor: Option<f64>) -> Figure {
     Figure {
         title: String::new(),
         traces: vec![
-            bar(left, "left", colour::BAR),
-            bar(removed, "taken away", colour::REMOVED),
+            bar(left, "held-out error", colour::BAR),
+            bar(removed, "explained", colour::REMOVED),
         ],
         layout,
         group: None,

@@ -137,9 +137,9 @@ fn fit(here: &Path) {
             "--verbose",
         ],
     );
-    // What the log could not tell closes the words, with the command for the motion that would.
+    // What the log does not identify closes the words, with the command for the motion that would.
     assert!(
-        told.contains("What these logs could not tell")
+        told.contains("Not identified by these logs")
             && told.contains("proprio excite -m fit.toml --legs FR --for "),
         "{told}"
     );
@@ -147,7 +147,7 @@ fn fit(here: &Path) {
         here,
         &["diagnose", "log.csv", "--model", "fit.toml", "--verbose"],
     );
-    assert!(told.contains("What these logs could not tell"), "{told}");
+    assert!(told.contains("Not identified by these logs"), "{told}");
 }
 
 /// The fitted model beside the CAD's, on another motion and on the log.

@@ -86,7 +86,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         | RobotProblem::UnknownLink { unknown, .. }
         | RobotProblem::UnknownHeld(unknown) => return of_name(unknown),
         RobotProblem::UnsupportedType { kind: "floating", .. } => {
-            "the base is pinned: delete the floating joint and the link above it, or make it `fixed`".to_owned()
+            "the base is fixed: delete the floating joint and the link above it, or make it `fixed`".to_owned()
         }
         RobotProblem::UnsupportedType { .. } => {
             "make it `fixed`, or write it as several revolute and prismatic joints".to_owned()
@@ -94,7 +94,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         RobotProblem::Loop { .. } | RobotProblem::NoBase => {
             "a URDF is a tree: cut the loop by deleting the joint that closes it".to_owned()
         }
-        RobotProblem::NoLinks => "the file is what a failed xacro leaves: `xacro FILE > robot.urdf` says why".to_owned(),
+        RobotProblem::NoLinks => "the file is what a failed xacro leaves: `xacro FILE > robot.urdf` shows why".to_owned(),
         RobotProblem::TwoBases { .. } => "connect them by a fixed joint, or delete one".to_owned(),
         RobotProblem::Duplicate { .. } => "rename one of them".to_owned(),
         RobotProblem::Missing { .. } => "an <inertial> states the mass and all six numbers of the inertia, a joint its parent and its child".to_owned(),

@@ -122,7 +122,7 @@ impl Report {
             let consistent = estimate.solution == Solution::Consistent;
             if consistent {
                 warnings.push(format!(
-                    "leg {name}: least squares alone has a body that cannot exist or friction below zero; this is the likeliest that can be"
+                    "leg {name}: least squares alone gives an unphysical body or negative friction; these values are the physical solution"
                 ));
             }
             let estimates = parameters_of(estimate, hello);

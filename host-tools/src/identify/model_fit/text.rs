@@ -286,11 +286,11 @@ impl Fitted {
         // Writing into a String cannot fail.
         let _ = write!(
             text,
-            "\nWhat motion can tell, and what these logs say of it:\n{table}"
+            "\nIdentifiable combinations, and what these logs identify of them:\n{table}"
         );
         for (structural, heading) in [
-            (true, "No motion on this base can tell:"),
-            (false, "These logs do not tell:"),
+            (true, "Not identifiable on this base:"),
+            (false, "Not identified by these logs:"),
         ] {
             let directions = self
                 .null_directions

@@ -53,7 +53,7 @@ impl<'a> Holds<'a> {
             return Some((position, Some(note)));
         }
         if matches!(joint.kind, JointType::Floating | JointType::Planar) {
-            let note = format!("{name} gives the base its freedom: it is held, the base is pinned");
+            let note = format!("{name} gives the base its freedom: it is held, the base is fixed");
             return Some((0.0, Some(note)));
         }
         if !self.weighty[child] {

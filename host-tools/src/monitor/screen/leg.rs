@@ -53,7 +53,7 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, view: &View, screen: &Screen, 
         let withheld = view.withheld().into_iter().find(|(of, _)| *of == leg);
         let text = match (view.unplaced().contains(&leg), withheld) {
             (true, _) => {
-                "zero unknown: say where its joints are, proprio zero PORT --help".to_owned()
+                "zero unknown: set its joints' angles, proprio zero PORT --help".to_owned()
             }
             (false, Some((leg, wiring))) => words_of_wiring(leg, wiring),
             (false, None) => "no data of this leg yet".to_owned(),

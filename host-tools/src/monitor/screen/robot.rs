@@ -110,7 +110,7 @@ fn lines(view: &View, width: u16) -> Vec<Line<'static>> {
     if lines.len() == 2 {
         let text = match view.unplaced().is_empty() {
             true => "no data yet: a window needs 20 ms of all three motors of a leg",
-            false => "zero unknown: say where the joints are, proprio zero PORT --help",
+            false => "zero unknown: set the joints' angles, proprio zero PORT --help",
         };
         lines.push(Line::styled(text, dim()));
     }

@@ -11,7 +11,7 @@ use crate::report::stick::{self, FRAMES, Skeleton};
 use crate::report::{Finding, Header, Page};
 
 /// What to do with the motion.
-const PLAY: &str = "Play the motion on the robot, hung up or clamped, record it, then run proprio identify on the log.";
+const PLAY: &str = "Play the motion on the robot, suspended or clamped, record it, then run proprio identify on the log.";
 /// Points of a curve per second.
 const RATE: f64 = 100.0;
 

@@ -17,10 +17,10 @@ pub fn feedback(models: &[Feedback]) -> Page {
     let best = models.iter().min_by(|a, b| a.rms.total_cmp(&b.rms));
     Page {
         header: Header {
-            title: "What feedback has to give".to_owned(),
+            title: "Feedback torque that remains".to_owned(),
             headline: best.map_or_else(String::new, |best| {
                 format!(
-                    "{} leaves least to feedback: {:.3} N m rms",
+                    "{} needs least feedback: {:.3} N m rms",
                     best.model, best.rms
                 )
             }),
