@@ -23,8 +23,6 @@ from robots import HERE, ROBOTS, SECONDS, Drive, drawn, load, loaded, motion, na
 # Which of them the catalogue has; what is found for the others is a formula, or the sentence that the catalogue lacks it.
 CATALOGUE = ["spring", "stribeck", "quadratic_drag", "load_friction", "cogging", "payload", "torque_gain", "velocity_gain", "delay", "coupled_viscous", "presliding"]
 OUTSIDE = ["grown_friction", "end_stop", "position_friction", "cable"]
-# Stiffness of arms' gears and shafts, N m/rad: a small wrist's belt and a large arm's gear.
-GEARS = 100.0, 1e7
 
 
 def hidden(effect, model, t, q, dq, tau, drive, random):
@@ -89,48 +87,6 @@ def make(robot, effects, seed, folder):
     write_log(folder / "log.csv", names, t, q, dq * fast, tau, random, noise, drive.size)
     write_model(robot, folder / "model.toml")
     return [names[j] for j in joints]
-
-
-def of_elastic(proprio, robot, seed):
-    """An arm with a spring in one gear: whether it is named alone, how far its stiffness is off, in standard deviations, and the size of what it does in those of a window's noise."""
-    random = np.random.default_rng([seed, 3, zlib.crc32(robot.encode())])
-    model, names, is_leg, noise, (t, q, dq, ddq), tau, drive = drawn(robot, random)
-    rate = 1 / (t[1] - t[0])
-    size = np.exp(random.uniform(np.log(0.3), np.log(10)))
-
-    def moved(j, k):
-        """The motion that is drawn is the links'; the motor is ahead of its link by the torque over the stiffness."""
-        ahead = [tau[:, j]]
-        for _ in range(2):
-            ahead.append(np.gradient(ahead[-1], t))
-        return [of + np.eye(model.nv)[j] * by[:, None] / k for of, by in zip((q, dq, ddq), ahead)]
-
-    def stiffness(j):
-        """With which a spring of a joint does so much."""
-        done = lambda k: rms(torque(model, *moved(j, k))[:, j] - tau[:, j])
-        soft = 1e3 * rms(tau[:, j])
-        return soft * done(soft) / (noise * drive.size[j] / np.sqrt(0.02 * rate) * size)
-
-    # A joint whose torque asks for a gear that no arm has is not drawn.
-    stiff = [(j, k) for j in range(model.nv) if GEARS[0] <= (k := stiffness(j)) <= GEARS[1]]
-    if not stiff:
-        return robot, f"{robot}: no gear of an arm does so little", None
-    j, k = stiff[random.integers(len(stiff))]
-    with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
-        q, dq, ddq = moved(j, k)
-        write_log(folder / "log.csv", names, t, q, dq, tau + drive.torque(dq, ddq), random, noise, drive.size)
-        write_model(robot, folder / "model.toml")
-        found = said(proprio, folder, "diagnose", "log.csv", "-m", "model.toml")
-    line = f"{robot}, {k:.3g} N m/rad at {names[j]}, {size:.1f} times a window's noise: "
-    if "path" not in found:
-        return robot, line + "refused", (False, None, size)
-    own = [one for one in found.get("candidates", []) if one["effect"] == "elasticity" and one["joints"] == [names[j]]]
-    right, off = named(found) == [("elasticity", names[j])], None
-    if right and own:
-        told = own[0]["parameters"][0]
-        off = (told["value"] - 1 / k) / told["std"]
-    return robot, line + words(found, named(found), heavier(found)) + ("" if off is None else f"; {off:+.1f} σ"), (right, off, size)
 
 
 def diagnosed(proprio, robot, effects, seed):
@@ -229,7 +185,6 @@ def main():
     parser.add_argument("proprio", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--loads", type=int, default=10, help="robots with a load, of each arm")
-    parser.add_argument("--elastic", type=int, default=15, help="robots with a spring in one gear, of each arm")
     parser.add_argument("--pairs", type=int, default=40, help="robots with two effects")
     parser.add_argument("--only", default="", help="effects or robots whose name has this")
     parser.add_argument("--write", action="store_true", help="keep the table")
@@ -245,11 +200,9 @@ def main():
 
     calls = [lambda robot=robot, effect=effect: of_case(proprio, robot, effect, asked.seed) for robot, effect in cases]
     loads = [lambda robot=robot, n=n: of_load(proprio, robot, asked.seed + n) for robot in arms for n in range(asked.loads)]
-    soft = [robot for robot, is_leg in ROBOTS.items() if is_leg and asked.only in f"{robot} elastic"]
-    springs = [lambda robot=robot, n=n: of_elastic(proprio, robot, asked.seed + n) for robot in soft for n in range(asked.elastic)]
     pairs = [lambda n=n: of_pair(proprio, asked.seed + n) for n in range(asked.pairs if asked.only in "pairs" else 0)]
     with ThreadPoolExecutor(2) as pool:
-        judged, carried, elastic, paired = (list(pool.map(run, part)) for part in (calls, loads, springs, pairs))
+        judged, carried, paired = (list(pool.map(run, part)) for part in (calls, loads, pairs))
 
     text = (
         "# Logs that Pinocchio made\n\n"
@@ -271,16 +224,6 @@ def main():
             own = [verdict for robot, _, verdict in carried if robot == arm]
             told = [off for off, _ in own if off is not None]
             text += f"| {arm} | {len(own)} | {len(told)} | {sum(abs(off) <= 2 for off in told)} | {sum(gains for _, gains in own)} |\n"
-    if elastic := [(robot, line, verdict) for robot, line, verdict in elastic if verdict]:
-        text += (
-            "\n## A spring in one gear of an arm, 100 to 1e7 N m/rad\n\n"
-            "| what it does, times a window's noise | arms | named alone | stiffness within 2 σ |\n|---|---|---|---|\n"
-        )
-        for least, most in ((0.3, 1), (1, 3), (3, 10)):
-            own = [verdict for *_, verdict in elastic if least <= verdict[2] < most]
-            told = [off for right, off, _ in own if right and off is not None]
-            text += f"| {least} to {most} | {len(own)} | {sum(right for right, *_ in own)} | {sum(abs(off) <= 2 for off in told)} |\n"
-        text += "\nNot named alone:\n\n" + "".join(f"- {line}\n" for _, line, verdict in elastic if not verdict[0])
     if paired:
         both = sum(count == 2 for *_, (count, _) in paired)
         false = sum(more > 0 for *_, (_, more) in paired)

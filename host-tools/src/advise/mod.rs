@@ -249,6 +249,11 @@ impl Advice {
         (self.parameter.split_once(':')).unwrap_or((self.parameter.as_str(), ""))
     }
 
+    /// Whether the best motion leaves nothing of it open.
+    fn is_all_told(&self) -> bool {
+        self.best_std <= NOTHING * self.prior_std
+    }
+
     /// Whether a motion can still tell more of it.
     fn is_open(&self) -> bool {
         matches!(self.learned, Learned::PriorDominated | Learned::InPart)
@@ -265,9 +270,7 @@ impl fmt::Display for Advice {
         };
         let best = match self.learned {
             Learned::NotIdentifiable => String::new(),
-            _ if self.best_std <= NOTHING * self.prior_std => {
-                "; a long, rich motion identifies all of it".to_owned()
-            }
+            _ if self.is_all_told() => "; a long, rich motion identifies all of it".to_owned(),
             _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
         };
         write!(

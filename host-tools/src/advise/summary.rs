@@ -129,11 +129,14 @@ impl Advised {
 impl Gain<'_> {
     fn words(&self) -> String {
         let most = self.most;
+        let best = match most.is_all_told() {
+            true => "0".to_owned(),
+            false => figure(most.best_std),
+        };
         format!(
-            "{} ±{} → ±{} {} ({:.2} N m)",
+            "{} ±{} → ±{best} {} ({:.2} N m)",
             self.label,
             figure(most.std),
-            figure(most.best_std),
             unit_of(&most.parameter),
             most.torque
         )

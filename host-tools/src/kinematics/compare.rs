@@ -185,7 +185,15 @@ impl PoseComparison {
                 poses.count()
             ),
             points,
-            next: vec![format!("proprio calibrate {}", typed(&poses.files, model))],
+            next: vec![match (self.fitted_to_these, model) {
+                (true, Some(_)) => {
+                    format!(
+                        "proprio excite --poses 30 {} -o chosen.csv",
+                        typed(&[], model)
+                    )
+                }
+                _ => format!("proprio calibrate {}", typed(&poses.files, model)),
+            }],
             ..Summary::default()
         }
     }
