@@ -453,7 +453,8 @@ const SIX: [(&str, [f64; 5]); 6] = [
     ("A6", [1e4, 10.0, 15.0, 5.0, 3.0]),
 ];
 
-/// Six axes with friction and masses of a slow log, which took springs for masses: `frf` says that. A1, behind which all bodies are, is known worst.
+/// Six axes with friction and masses of a slow log, which took springs for masses: `frf` says that. The carrier changes the inertia that A1 turns by a
+/// quarter: by the mean plant its damper is 10 % off.
 #[test]
 fn an_arm_of_six_axes() {
     let folder = folder();
@@ -485,14 +486,7 @@ fn an_arm_of_six_axes() {
     assert!(told.contains("masses are doubtful: "), "{told}");
     let found = json(&stdout(&output));
     let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
-    let limit = |joint| {
-        if joint == "A1" {
-            [0.02, 0.15]
-        } else {
-            [0.005, 0.08]
-        }
-    };
-    let joints = SIX.map(|(joint, _)| (joint, limit(joint)));
+    let joints = SIX.map(|(joint, _)| (joint, [0.005, 0.05]));
     let within = springs_within(&found, &truth, &joints);
     assert!(within >= 11, "{within} of 12 within 2 standard deviations");
     // No link bends.

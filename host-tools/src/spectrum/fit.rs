@@ -11,7 +11,7 @@ use proprio_solve::bounded::inverse;
 use realfft::num_complex::Complex64;
 
 use super::flexible::{At, Derived, Plant};
-use super::layout::Layout;
+use super::layout::{Layout, Unknown};
 use super::linear::{
     by_owner, damped, fold, jackknife, larger, moved_by_priors, prior_factor, prior_rows, stacked,
     without_each,
@@ -38,6 +38,8 @@ pub(super) struct Problem<'a> {
     pub(super) points: Vec<&'a Point>,
     /// One for each point.
     pub(super) plants: Vec<Plant>,
+    /// Of each point and line, by how much the mean of the responses along its path differs from the response of its plant; empty: by nothing.
+    pub(super) along: Vec<Response>,
     /// Angular frequencies of the lines, rad/s.
     pub(super) omega: Vec<f64>,
     /// How many of them are used, from the lowest.
@@ -81,15 +83,57 @@ impl Problem<'_> {
     /// The model's response and derivatives at all lines of a point.
     pub(super) fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
         let at = At::new(&self.plants[point], layout, x);
-        let lines = self.omega[..self.used].iter();
-        lines.map(|&omega| at.derived(omega, self.dt)).collect()
+        let of = |line: usize| {
+            let mut own = at.derived(self.omega[line], self.dt)?;
+            self.add_along(point, line, &mut own.response);
+            Some(own)
+        };
+        (0..self.used).map(of).collect()
+    }
+
+    /// The model's response at a line of a point.
+    pub(super) fn response(
+        &self,
+        point: usize,
+        at: &At<'_>,
+        line: usize,
+    ) -> Option<DMatrix<Complex64>> {
+        let mut own = at.response(self.omega[line], self.dt)?;
+        self.add_along(point, line, &mut own);
+        Some(own)
+    }
+
+    fn add_along(&self, point: usize, line: usize, response: &mut DMatrix<Complex64>) {
+        if let Some(along) = self.along.get(point) {
+            *response += &along[line];
+        }
+    }
+
+    /// What [`along`](Self::along) is at x.
+    pub(super) fn mean_along(
+        &self,
+        layout: &Layout,
+        x: &[f64],
+        along: &[Vec<[DMatrix<f64>; 2]>],
+    ) -> Option<Vec<Response>> {
+        let of_point = |point: usize| {
+            let middle = At::new(&self.plants[point], layout, x);
+            let all = middle.along(&along[point]);
+            let lines = self.omega.iter();
+            let of_line = |&omega: &f64| middle.mean_along(&all, omega, self.dt);
+            lines.map(of_line).collect::<Option<Response>>()
+        };
+        by_number(0..self.points.len(), of_point)
+            .into_iter()
+            .collect()
     }
 
     /// The model's response at all lines of a point.
     fn responses(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Response> {
         let at = At::new(&self.plants[point], layout, x);
-        let lines = self.omega[..self.used].iter();
-        lines.map(|&omega| at.response(omega, self.dt)).collect()
+        (0..self.used)
+            .map(|line| self.response(point, &at, line))
+            .collect()
     }
 
     /// Weighted rows of a point's mean, or of one of its blocks, at some lines, as a factor.
@@ -286,10 +330,18 @@ impl Problem<'_> {
         const FIRST_STEPS: usize = 6;
         const LAST_STEPS: usize = 25;
         let first = lacking.unwrap_or(FIRST_ERROR);
+        // Bodies are most of the unknowns and nearly right: they are held until the springs are.
+        let springs = |x: &Vec<f64>, steps: usize| {
+            let is_body = |of: Unknown| matches!(of, Unknown::Rigid(_));
+            let (own, kept) = layout.holding(x, is_body);
+            let mut state = self.descend(&own, &kept, first, steps);
+            state.x = layout.released(x, &state.x, is_body);
+            state
+        };
         let best = (starts.iter())
-            .map(|x| self.descend(layout, x, first, FIRST_STEPS))
+            .map(|x| springs(x, FIRST_STEPS))
             .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let (mut x, mut now) = (best.x, first);
+        let (mut x, mut now) = (springs(&best.x, LAST_STEPS).x, first);
         let rounds = if lacking.is_some() { 1 } else { 2 };
         for _ in 0..rounds {
             x = self.descend(layout, &x, now, LAST_STEPS).x;
@@ -299,13 +351,13 @@ impl Problem<'_> {
         state.cost.is_finite().then_some((state, now))
     }
 
-    /// Adds to a fit's covariance how far these data, measured with something else assumed, would move it: one step.
-    pub(super) fn doubted(&self, fit: &mut Fit) {
+    /// Adds to a fit's covariance a share of how far these data, measured or modelled with something else assumed, would move it: one step.
+    pub(super) fn doubted(&self, fit: &mut Fit, share: f64) {
         let Some(factors) = self.factors(&fit.layout, &fit.x, fit.lacking) else {
             return;
         };
         let prior = prior_factor(&fit.layout, &fit.x);
-        let step = damped(&stacked([&prior].into_iter().chain(&factors)), 0.0);
+        let step = damped(&stacked([&prior].into_iter().chain(&factors)), 0.0) * share;
         fit.covariance += &step * step.transpose();
     }
 
@@ -436,7 +488,7 @@ impl Fit {
     }
 
     /// An unknown's value in SI units, and its standard deviation.
-    pub(super) fn estimate(&self, of: super::layout::Unknown) -> Option<(f64, f64)> {
+    pub(super) fn estimate(&self, of: Unknown) -> Option<(f64, f64)> {
         let index = self.layout.index(of)?;
         let std = self.covariance[(index, index)].max(0.0).sqrt();
         Some((
@@ -459,13 +511,22 @@ impl Fit {
     }
 }
 
-/// Logarithm of the mean square error in units of the scatter, by what was left out at once: a sharp resonance at one point does not outweigh all others.
+/// Bands of what was left out at once, which are judged apart: what a model lacks shows about some frequencies at some points, so that its mean over six
+/// points is known three times worse than over their bands.
+const BANDS: usize = 5;
+
+/// Logarithm of the mean square error in units of the scatter, by bands of what was left out at once: a sharp resonance at one point does not outweigh all
+/// others.
 pub(super) fn log_squares(of: &[Vec<HeldOut>]) -> Vec<f64> {
-    let mean = |errors: &Vec<HeldOut>| {
+    let mean = |errors: &[HeldOut]| {
         let sum: f64 = errors.iter().map(|e| e.square).sum();
         (sum / errors.len().max(1) as f64).max(1e-300).ln()
     };
-    of.iter().map(mean).collect()
+    let bands = |errors: &'_ Vec<HeldOut>| {
+        let size = errors.len().div_ceil(BANDS).max(1);
+        errors.chunks(size).map(mean).collect::<Vec<f64>>()
+    };
+    of.iter().flat_map(bands).collect()
 }
 
 /// Root mean square of log magnitudes.

@@ -75,6 +75,7 @@ impl Derived {
 }
 
 /// A point's plant at an entry of a fit: what all lines and aliases have in common.
+#[derive(Clone)]
 pub(super) struct At<'a> {
     plant: &'a Plant,
     layout: &'a Layout,
@@ -82,6 +83,7 @@ pub(super) struct At<'a> {
     scales: Vec<f64>,
     /// H with what the rigid unknowns make of it.
     inertia: DMatrix<f64>,
+    gravity: DMatrix<f64>,
     /// Of each joint: k, d, F_v, J, F_l.
     joints: Vec<[f64; 5]>,
     /// Of each bend: k, d.
@@ -99,7 +101,14 @@ struct Blocks {
     spring: Vec<Complex64>,
 }
 
-/// Which aliases count at ω, as s and the hold's factor.
+/// An alias of ω, as s and the hold's factor.
+fn term(omega: f64, dt: f64, alias: i32) -> (Complex64, Complex64) {
+    let held = Complex64::from(1.0) - Complex64::new(0.0, -omega * dt).exp();
+    let s = Complex64::new(0.0, omega + f64::from(alias) * std::f64::consts::TAU / dt);
+    (s, held / (s * dt))
+}
+
+/// Which aliases count at ω.
 fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
     let rate = std::f64::consts::TAU / dt;
     let aliases = if omega < FEW_BELOW * rate {
@@ -107,11 +116,7 @@ fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
     } else {
         ALL_ALIASES
     };
-    let held = Complex64::from(1.0) - Complex64::new(0.0, -omega * dt).exp();
-    (-aliases..=aliases).map(move |a| {
-        let s = Complex64::new(0.0, omega + f64::from(a) * rate);
-        (s, held / (s * dt))
-    })
+    (-aliases..=aliases).map(move |alias| term(omega, dt, alias))
 }
 
 fn zeros(n: usize) -> DMatrix<Complex64> {
@@ -166,6 +171,7 @@ impl<'a> At<'a> {
             layout,
             scales: (0..x.len()).map(|index| layout.scale(x, index)).collect(),
             inertia,
+            gravity: plant.gravity.clone(),
             joints: (0..n).map(joint).collect(),
             bends: (0..plant.inertia.nrows() - n)
                 .map(|e| [Unknown::BendStiffness(e), Unknown::BendDamping(e)].map(value))
@@ -181,9 +187,7 @@ impl<'a> At<'a> {
         let spring: Vec<Complex64> = springs.map(|&[k, d, ..]| s * d + k).collect();
         let mut a = self
             .inertia
-            .zip_map(&self.plant.gravity, |inertia, gravity| {
-                s * s * inertia + gravity
-            });
+            .zip_map(&self.gravity, |inertia, gravity| s * s * inertia + gravity);
         for (i, [.., link_viscous]) in self.joints.iter().enumerate() {
             a[(i, i)] += spring[i] + s * link_viscous;
         }
@@ -214,6 +218,46 @@ impl<'a> At<'a> {
             add(&self.blocks(s)?, s, hold * delay);
         }
         Some(())
+    }
+
+    /// The same robot at another place, with these inertias and this stiffness of gravity in its plant.
+    fn moved(&self, [inertia, gravity]: &[DMatrix<f64>; 2]) -> Self {
+        Self {
+            inertia: &self.inertia - &self.plant.inertia + inertia,
+            gravity: gravity.clone(),
+            ..self.clone()
+        }
+    }
+
+    /// Torque to motor position at ω without aliases, which hardly depend on where the links are: motors move alone there. None where the model is
+    /// singular.
+    fn without_aliases(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
+        let (s, hold) = term(omega, dt, 0);
+        let delay = Complex64::new(0.0, -omega * self.delay).exp();
+        Some(self.blocks(s)?.p * (hold * delay))
+    }
+
+    /// The same robot at instants of a slow motion.
+    pub(super) fn along(&self, instants: &[[DMatrix<f64>; 2]]) -> Vec<Self> {
+        // Half of those that a record has are more than the fourth harmonic of the motion needs.
+        let used = instants.iter().step_by(2);
+        used.map(|own| self.moved(own)).collect()
+    }
+
+    /// By how much the mean of the responses of a robot at some instants differs from the response of the mean: a slow motion changes the inertia that a
+    /// joint turns, by a quarter at the first joint of an arm whose elbow bends. It is far slower than any line, so that the robot is taken to stand still
+    /// at each instant.
+    pub(super) fn mean_along(
+        &self,
+        instants: &[Self],
+        omega: f64,
+        dt: f64,
+    ) -> Option<DMatrix<Complex64>> {
+        let share = Complex64::from(1.0 / instants.len().max(1) as f64);
+        let own = self.without_aliases(omega, dt)?;
+        instants.iter().try_fold(-own, |sum, at| {
+            Some(sum + at.without_aliases(omega, dt)? * share)
+        })
     }
 
     /// Torque to motor position at ω; none where the model is singular.
@@ -348,6 +392,27 @@ mod tests {
                     layout.unknowns[n]
                 );
             }
+        }
+    }
+
+    /// A robot that has moved responds as one whose plant is of that place, bodies that are off included; without aliases it responds nearly so.
+    #[test]
+    fn a_moved_robot_is_one_of_another_plant() {
+        let (layout, x) = two_joints();
+        let plant = plant();
+        let there = [&plant.inertia * 1.3, &plant.gravity * 0.6];
+        let other = Plant {
+            inertia: there[0].clone(),
+            gravity: there[1].clone(),
+            ..plant.clone()
+        };
+        for omega in [20.0, 90.0] {
+            let moved = At::new(&plant, &layout, &x).moved(&there);
+            let exact = At::new(&other, &layout, &x).response(omega, 0.002).unwrap();
+            let own = moved.response(omega, 0.002).unwrap();
+            assert!((&own - &exact).norm() < 1e-12 * exact.norm(), "{omega}");
+            let alone = moved.without_aliases(omega, 0.002).unwrap();
+            assert!((alone - &exact).norm() < 0.02 * exact.norm(), "{omega}");
         }
     }
 

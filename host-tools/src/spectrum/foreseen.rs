@@ -12,7 +12,7 @@ use super::flexible::{At, Plant};
 use super::layout::{Layout, Unknown};
 use super::linear::{fold, moved_by_priors, prior_factor, prior_rows, stacked};
 use super::rigid::{Links, Motors};
-use super::springs::known_at;
+use super::springs::{STANDSTILL_DOUBT, known_at};
 use super::start::{Drives, around, mean_inertia, spring_at};
 use crate::estimate::factor::HeapFactor;
 use crate::model::Model;
@@ -24,9 +24,10 @@ const ANTIRESONANCE: f64 = 12.0;
 pub(crate) struct Foreseen {
     layout: Layout,
     x: Vec<f64>,
+    /// One for each point, or means along a path about it.
     plants: Vec<Plant>,
-    /// The same on average along a path about each point.
-    means: Vec<Plant>,
+    /// Inertia and stiffness of gravity at instants of such a path; empty without one.
+    instants: Vec<Vec<[DMatrix<f64>; 2]>>,
     omega: Vec<f64>,
     dt: f64,
     links: Links,
@@ -79,7 +80,7 @@ impl Foreseen {
             .iter()
             .map(|c| stated(c).unwrap_or(0.0))
             .collect();
-        let [plants, _] = links.plants(&motors, &compliance)?;
+        let plants = links.plants(&motors, &compliance)?.means;
         let springs: Vec<[f64; 2]> = elasticity
             .iter()
             .enumerate()
@@ -106,8 +107,8 @@ impl Foreseen {
             compliance,
             layout,
             x,
-            means: plants.clone(),
             plants,
+            instants: Vec::new(),
             omega,
             dt,
             stated: elasticity.iter().map(|own| stated(own).is_some()).collect(),
@@ -144,13 +145,14 @@ impl Foreseen {
             path,
         });
         let motors: Vec<Motors<'_>> = motors.collect();
-        [self.means, _] = self.links.plants(&motors, &self.compliance)?;
+        let plants = self.links.plants(&motors, &self.compliance)?;
+        (self.plants, self.instants) = (plants.means, plants.along);
         Ok(self)
     }
 
     /// What a fit of all points will know of the springs, `relative` being the standard deviation of a response (line, joint that is driven, its size)
-    /// as a share of it. Along the carrier the mean plant differs from that in the middle: what the difference moves counts as the model's error, as `frf`
-    /// counts it. None where the model is singular.
+    /// as a share of it. Along the carrier responses change: what their mean may be off by counts as the model's error, as `frf` counts it. None where the
+    /// model is singular.
     pub(crate) fn expected(
         &self,
         relative: impl Fn(usize, usize, f64) -> f64,
@@ -158,12 +160,16 @@ impl Foreseen {
         let n = self.layout.unknowns.len();
         let joints = self.stated.len();
         let mut data = HeapFactor::new(n);
-        for (plant, mean) in self.plants.iter().zip(&self.means) {
+        for (point, plant) in self.plants.iter().enumerate() {
             let mut rows = Vec::new();
-            let [plant, mean] = [plant, mean].map(|of| At::new(of, &self.layout, &self.x));
+            let at = At::new(plant, &self.layout, &self.x);
+            let instants = self.instants.get(point).map(|own| at.along(own));
             for (line, &omega) in self.omega.iter().enumerate() {
-                let own = plant.derived(omega, self.dt)?;
-                let seen = mean.response(omega, self.dt)?;
+                let own = at.derived(omega, self.dt)?;
+                let along = match &instants {
+                    Some(instants) => at.mean_along(instants, omega, self.dt)?,
+                    None => DMatrix::zeros(joints, joints),
+                };
                 for (i, j) in (0..joints).flat_map(|i| (0..joints).map(move |j| (i, j))) {
                     let value = own.response[(i, j)];
                     let std = relative(line, j, value.norm());
@@ -171,7 +177,7 @@ impl Foreseen {
                     let weight = std::f64::consts::SQRT_2 / std;
                     let slopes = own.slopes(i, j).iter();
                     let row = slopes.map(|slope| slope / value * weight);
-                    let row = row.chain([(seen[(i, j)] / value).ln() * weight]);
+                    let row = row.chain([along[(i, j)] / value * (STANDSTILL_DOUBT * weight)]);
                     rows.extend(row.clone().map(|x| x.re));
                     rows.extend(row.map(|x| x.im));
                 }

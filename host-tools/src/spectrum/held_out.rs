@@ -62,7 +62,7 @@ impl Problem<'_> {
         let at = At::new(&self.plants[point], layout, x);
         let mut errors = Vec::new();
         for line in lines {
-            let model = at.response(self.omega[line], self.dt)?;
+            let model = self.response(point, &at, line)?;
             let modelled = own.predicted(line, &model);
             for element in elements(own) {
                 let found = residual(own, line, &own.mean[line], &modelled, element);

@@ -90,6 +90,22 @@ impl Layout {
         (own, kept)
     }
 
+    /// The entries of all unknowns: what was held at its own of `x`, and the others in the order of `kept`.
+    pub(super) fn released(
+        &self,
+        x: &[f64],
+        kept: &[f64],
+        held: impl Fn(Unknown) -> bool,
+    ) -> Vec<f64> {
+        let mut kept = kept.iter();
+        let own = self.unknowns.iter().zip(x);
+        own.map(|(&unknown, x)| match held(unknown) {
+            true => *x,
+            false => *kept.next().unwrap_or(x),
+        })
+        .collect()
+    }
+
     /// Its value in SI units: estimated, fixed or 0.
     pub(super) fn value(&self, x: &[f64], of: Unknown) -> f64 {
         let Some(index) = self.index(of) else {

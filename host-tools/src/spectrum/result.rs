@@ -618,8 +618,10 @@ fn curves(
         let model: Vec<_> = match fitted {
             Some((problem, fit)) => {
                 let at = At::new(&problem.plants[p], &fit.layout, &fit.x);
-                let lines = problem.omega.iter();
-                lines.filter_map(|&w| at.response(w, problem.dt)).collect()
+                let lines = 0..problem.omega.len();
+                lines
+                    .filter_map(|line| problem.response(p, &at, line))
+                    .collect()
             }
             None => Vec::new(),
         };

@@ -35,6 +35,15 @@ pub(super) fn doubt(value: f64, std: f64) -> f64 {
 /// A bend of a model: the joint's number among the robot's, and which.
 pub(super) type Bend = (usize, JointQuantity);
 
+/// The links at some points.
+#[derive(Default)]
+pub(super) struct Plants {
+    /// Means over each path, which a slow motion around a point makes differ from what is in its middle.
+    pub(super) means: Vec<Plant>,
+    /// Inertia and stiffness of gravity at each instant of each path.
+    pub(super) along: Vec<Vec<[DMatrix<f64>; 2]>>,
+}
+
 /// The links of some joints of a model.
 pub(super) struct Links {
     dynamics: Dynamics,
@@ -100,8 +109,8 @@ impl Links {
         Ok(links)
     }
 
-    /// The plants at the links behind these motors: means over the path, which a slow motion around a point makes differ from those at its middle,
-    /// and those at the middle. Springs and bends yield by `compliance`, rad/(N m), under gravity. The joints that are not recorded stand at 0.
+    /// The plants at the links behind these motors. Springs and bends yield by `compliance`, rad/(N m), under gravity. The joints that are not recorded
+    /// stand at 0.
     ///
     /// # Errors
     /// If the dynamics cannot be computed.
@@ -109,18 +118,19 @@ impl Links {
         &self,
         points: &[Motors<'_>],
         compliance: &[f64],
-    ) -> Result<[Vec<Plant>; 2], FrfError> {
-        let (mut means, mut middles) = (Vec::new(), Vec::new());
+    ) -> Result<Plants, FrfError> {
+        let mut all = Plants::default();
         for point in points {
-            let of = |q: &[f64]| self.plant(&self.sagged(q, compliance)?);
-            let mut mean = of(&point.path[0])?;
-            for q in &point.path[1..] {
-                mean = added(mean, &of(q)?);
-            }
-            means.push(divided(mean, point.path.len() as f64));
-            middles.push(of(point.middle)?);
+            let of = |q: &Vec<f64>| self.plant(&self.sagged(q, compliance)?);
+            let plants: Result<Vec<Plant>, FrfError> = point.path.iter().map(of).collect();
+            let plants = plants?;
+            let matrices = |plant: &Plant| [plant.inertia.clone(), plant.gravity.clone()];
+            all.along.push(plants.iter().map(matrices).collect());
+            let mean = plants.into_iter().reduce(|mean, own| added(mean, &own));
+            let mean = mean.map(|mean| divided(mean, point.path.len() as f64));
+            all.means.extend(mean);
         }
-        Ok([means, middles])
+        Ok(all)
     }
 
     /// How many joints have motors.

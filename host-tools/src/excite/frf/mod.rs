@@ -185,7 +185,7 @@ pub fn design(
         model,
         joints: &joints,
     };
-    let points = room.choose(&seen, &candidates, settings.points)?;
+    let points = room.choose(&seen, &candidates, settings.points, settings.rate)?;
     let seen = Foreseen::new(model, &names, &points, &frequencies, dt)?;
     let mut phases = Vec::new();
     let mut violations = Vec::new();

@@ -1,4 +1,4 @@
-//! Where the robot is held: points within the limits, far from each other.
+//! Where the robot is held: points within the limits, far from each other, with ways between them that are within the limits too.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -57,12 +57,14 @@ pub(super) struct Room<'a> {
 }
 
 impl Room<'_> {
-    /// Of candidates, the points of `seen`, so many that keep the limits: one after the other the one farthest from those before.
+    /// Of candidates, the points of `seen`, so many that keep the limits: one after the other the one farthest from those before, of those to which a way
+    /// leads that keeps them.
     pub(super) fn choose(
         &self,
         seen: &Foreseen,
         candidates: &[Vec<f64>],
         count: usize,
+        rate: f64,
     ) -> Result<Vec<Vec<f64>>, ExciteError> {
         let mut within: Vec<&Vec<f64>> = Vec::new();
         let mut beyond: Vec<(usize, Violation)> = Vec::new();
@@ -92,13 +94,21 @@ impl Room<'_> {
                 let all = chosen.iter().map(|own| apart(own, q));
                 all.fold(f64::INFINITY, f64::min)
             };
-            let next = within
-                .iter()
-                .max_by(|a, b| nearest(a).total_cmp(&nearest(b)));
-            match next {
-                Some(next) => chosen.push((*next).clone()),
-                None => break,
+            within.sort_by(|a, b| nearest(b).total_cmp(&nearest(a)));
+            let mut found = None;
+            for next in &within {
+                let ends = [&chosen[chosen.len() - 1][..], next];
+                let own = self.beyond(&Way::between(ends, [1.0; 2], self.parts, self.slow, rate));
+                if own.is_empty() {
+                    found = Some((*next).clone());
+                    break;
+                }
+                beyond.extend(own);
             }
+            let Some(next) = found else {
+                return Err(self.no_points(chosen.len(), count, candidates.len(), &beyond));
+            };
+            chosen.push(next);
         }
         Ok(chosen)
     }
@@ -139,15 +149,20 @@ impl Room<'_> {
         self.sentences(&self.violations(&Way::held(point), peaks))
     }
 
-    /// The same on a way, where nothing is excited.
+    /// The same on a way.
     pub(super) fn on(&self, way: &Way) -> Vec<String> {
+        self.sentences(&self.beyond(way))
+    }
+
+    /// Limits that are not kept on a way, where nothing is excited.
+    fn beyond(&self, way: &Way) -> Vec<(usize, Violation)> {
         let none = vec![0.0; self.gains.len()];
         let peaks = Peaks {
             q: none.clone(),
             dq: none.clone(),
             torque: none,
         };
-        self.sentences(&self.violations(way, &peaks))
+        self.violations(way, &peaks)
     }
 
     fn sentences(&self, all: &[(usize, Violation)]) -> Vec<String> {

@@ -137,6 +137,26 @@ fn a_plan_is_within_the_limits() {
     }
 }
 
+/// Points are chosen so that the ways between them keep the limits: the farthest ones alone take 20 to 27 % too much power of the shoulder.
+#[test]
+fn ways_between_points_are_within_the_limits() {
+    for (excitation, seed) in [(0.7, 1), (0.5, 1), (0.5, 2)] {
+        let settings = FrfSettings {
+            points: 6,
+            excitation,
+            seed,
+            margins: Margins {
+                power: 0.2,
+                ..Margins::default()
+            },
+            ..small()
+        };
+        let own = planned(&settings).unwrap();
+        assert!(own.violations.is_empty(), "{:?}", own.violations);
+        assert_eq!(own.points.len(), 6);
+    }
+}
+
 #[test]
 fn what_cannot_be_is_refused() {
     let refused = |settings: &FrfSettings| planned(settings).err().unwrap();
