@@ -32,8 +32,8 @@ fn diagnosed(folder: &Path, name: &str) -> Value {
     ))
 }
 
-/// Two kilograms on the trunk of a robot that was identified without them: named alone, mass within 3 %, place within 1 cm; and with
-/// them in the file the error is what is left. Of 30 s, as is asked: 4.5 s tell a load's mass to 0.25 kg, which nothing can hold within 0.06.
+/// Two kilograms on the trunk of a robot that was identified without them: named alone, mass within 3 %, place within 1 cm, and known so well, for
+/// both walks weigh the whole robot; and with them in the file the error is what is left. Of 30 s, as is asked.
 #[test]
 fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
     let folder = empty_folder();
@@ -70,7 +70,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         let (value, std) = (number(&parameter["value"]), number(&parameter["std"]));
         let error = (value - number(&truth[n])).abs();
         assert!(
-            error < near && error < 2.0 * std,
+            error < near && error < 2.0 * std && std < near,
             "{parameter} {}",
             truth[n]
         );
