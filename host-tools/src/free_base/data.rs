@@ -234,6 +234,11 @@ impl Data {
         RowSetup::at(self.setup.columns.clone(), theta)
     }
 
+    /// What these rows are made at, with other columns.
+    pub(super) fn setup_with(&self, columns: &WalkColumns) -> RowSetup {
+        self.setup.with_columns(columns.clone())
+    }
+
     /// What the rows of log `n` are made at.
     pub(super) fn linearised(&self, n: usize) -> Linearised<'_> {
         Linearised {

@@ -228,7 +228,7 @@ impl Data {
         let own = own.filter(|site| site.is_torque() || structure.has(site.place));
         let whole = ModelStructure {
             effects: own.cloned().collect(),
-            ..structure.with_loads()
+            ..structure.with_loads(true)
         };
         let active = whole.active(columns);
         let gravity = some_columns(&self.gravity, &active);

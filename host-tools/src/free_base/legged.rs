@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::JOINTS_PER_LEG;
 use proprio_core::spatial::Transform;
@@ -244,11 +244,21 @@ impl Legged {
             .any(|(foot, loaded)| *loaded && foot.limb == limb)
     }
 
-    /// Where each body is in the base as the robot stands.
-    pub(crate) fn standing_bodies(&self) -> Vec<Transform<f64>> {
+    /// By body, what its mass and first moment about its own origin are of the whole robot's about the base's, as it stands.
+    pub(crate) fn shares_of_total(&self) -> Vec<Matrix4<f64>> {
         let mut pose = Pose::default();
         self.tree.place(&self.standing, &mut pose);
-        pose.in_base
+        let share = |placed: &Transform<f64>| {
+            let mut share = Matrix4::identity();
+            share
+                .fixed_view_mut::<3, 1>(1, 0)
+                .copy_from(&placed.translation);
+            share
+                .fixed_view_mut::<3, 3>(1, 1)
+                .copy_from(&placed.rotation);
+            share
+        };
+        pose.in_base.iter().map(share).collect()
     }
 
     /// A joint's name; `base` of what is none.

@@ -29,7 +29,8 @@ impl Data {
         let data = Self::of(walks, &structure, candidates)?;
         match doubtful::refuted(&structure, data.columns(), data.made_at()) {
             None => Ok((data, structure)),
-            Some(open) => Ok((Self::of(walks, &open, candidates)?, open)),
+            // From where the first fit ends: a turn of 90° is no small one, and each fit takes it by its derivative where the rows were made.
+            Some(open) => Ok((Self::begun_at(walks, &open, candidates, Some(&data))?, open)),
         }
     }
 
@@ -42,10 +43,23 @@ impl Data {
         structure: &ModelStructure,
         candidates: &[EffectSite],
     ) -> Result<Self, FreeBaseError> {
+        Self::begun_at(walks, structure, candidates, None)
+    }
+
+    /// The same, begun at the parameters that other rows of these walks are made at.
+    fn begun_at(
+        walks: &Walks,
+        structure: &ModelStructure,
+        candidates: &[EffectSite],
+        others: Option<&Self>,
+    ) -> Result<Self, FreeBaseError> {
         let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
         let sites = structure.effects.iter().cloned().chain(torques).collect();
         let judged = Arc::new(structure.columns_of(sites));
-        let mut setup = RowSetup::cad(judged.clone());
+        let mut setup = match others {
+            Some(others) => others.setup_with(&judged),
+            None => RowSetup::cad(judged.clone()),
+        };
         // Which samples are a window's no parameter tells.
         let windows = windows_of_all(walks, &setup);
         let mut outside = vec![Vec::new(); walks.walks.len()];

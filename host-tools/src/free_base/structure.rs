@@ -42,6 +42,8 @@ pub(crate) struct ModelStructure {
     /// Its effects.
     pub(crate) effects: Vec<EffectSite>,
     pub(crate) constraint: Constraint,
+    /// Standard deviations of all bodies' mass and centre of mass together, where the model states them.
+    pub(crate) total_std: Option<[f64; 4]>,
     /// Whether bodies that the data would carry farther than bodies are from the model's are held: a load that the model lacks must
     /// show in the residual.
     pub(crate) hold_bodies: bool,
@@ -81,6 +83,7 @@ impl ModelStructure {
             bodies,
             robot,
             constraint,
+            total_std: None,
             hold_bodies: false,
         })
     }
@@ -110,6 +113,7 @@ impl ModelStructure {
             bodies,
             effects,
             constraint: Constraint::Physical,
+            total_std: model.total_std().copied(),
             hold_bodies: true,
         })
     }
@@ -120,10 +124,10 @@ impl ModelStructure {
         self
     }
 
-    /// The same with a load on every body.
-    pub(crate) fn with_loads(&self) -> Self {
+    /// The same with a load on every body, or on none.
+    pub(crate) fn with_loads(&self, loaded: bool) -> Self {
         let mut all = self.clone();
-        all.bodies.iter_mut().for_each(|body| body.loaded = true);
+        all.bodies.iter_mut().for_each(|body| body.loaded = loaded);
         all
     }
 

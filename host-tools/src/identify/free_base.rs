@@ -5,7 +5,7 @@ mod summary;
 use std::fmt;
 use std::path::PathBuf;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix4};
 use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
@@ -165,7 +165,8 @@ impl FreeBaseIdentification {
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut model = model.clone();
-        set_walk(&self.parameters, &self.effects, &mut model)?;
+        let total = total_std(&self.quantities);
+        set_walk((&self.parameters, total), &self.effects, &mut model)?;
         model.set_provenance(provenance);
         Ok(model)
     }
@@ -178,7 +179,18 @@ impl FreeBaseIdentification {
     }
 }
 
-fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantity> {
+/// Of the whole robot's centre of mass.
+const ROBOT_COM: [&str; 3] = ["robot_com_x", "robot_com_y", "robot_com_z"];
+
+/// Standard deviations of the whole robot's mass and centre of mass, as a model file keeps them.
+pub(crate) fn total_std(quantities: &[Quantity]) -> Option<[f64; 4]> {
+    let std = |name| Some(quantities.iter().find(|q| q.name == name)?.std);
+    let [x, y, z] = ROBOT_COM.map(std);
+    Some([std("total_mass")?, x?, y?, z?])
+}
+
+/// What follows from several parameters of a fit.
+pub(crate) fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantity> {
     let theta = fit.theta();
     // Of bodies alone, which come first.
     let prior = fit.problem.start().resize_vertically(theta.len(), 0.0);
@@ -187,7 +199,15 @@ fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantit
         entries.iter().for_each(|(k, x)| combination[*k] = *x);
         combination
     };
-    let masses: Vec<_> = (0..robot.bodies()).map(|b| (INERTIAL * b, 1.0)).collect();
+    let shares = robot.shares_of_total();
+    let total = |row: usize| {
+        let own = |(b, share): (usize, &Matrix4<f64>)| {
+            let share = *share;
+            (0..4).map(move |k| (INERTIAL * b + k, share[(row, k)]))
+        };
+        shares.iter().enumerate().flat_map(own).collect::<Vec<_>>()
+    };
+    let masses = total(0);
     let linear = |name, entries: &[(usize, f64)]| {
         let combination = at(entries);
         Quantity {
@@ -221,18 +241,8 @@ fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantit
     {
         place(name, &at(&[(0, 1.0)]), &at(&[(1 + axis, 1.0)]));
     }
-    let standing = robot.standing_bodies();
-    for (axis, name) in ["robot_com_x", "robot_com_y", "robot_com_z"]
-        .into_iter()
-        .enumerate()
-    {
-        let moment = standing.iter().enumerate().flat_map(|(b, placed)| {
-            let mass = (INERTIAL * b, placed.translation[axis]);
-            let turned = move |k| (INERTIAL * b + 1 + k, placed.rotation[(axis, k)]);
-            std::iter::once(mass).chain((0..3).map(turned))
-        });
-        let moment: Vec<_> = moment.collect();
-        place(name, &at(&masses), &at(&moment));
+    for (axis, name) in ROBOT_COM.into_iter().enumerate() {
+        place(name, &at(&masses), &at(&total(1 + axis)));
     }
     all
 }
@@ -275,9 +285,9 @@ pub(crate) fn without_loaded(
     others.cloned().collect()
 }
 
-/// Sets each body and each effect of a `model` to what walks were found to say of them, in the order of bodies.
+/// Sets each body and each effect of a `model` to what walks were found to say of them, in the order of bodies, and how well the sum of bodies is known.
 pub(crate) fn set_walk(
-    found: &[ParameterEstimate],
+    (found, total): (&[ParameterEstimate], Option<[f64; 4]>),
     effects: &[EffectSite],
     model: &mut Model,
 ) -> Result<(), NotAModel> {
@@ -294,7 +304,11 @@ pub(crate) fn set_walk(
             set_effect(found, site, model, of).map_err(named)?;
         }
     }
-    Ok(())
+    let whole = |fault| NotAModel {
+        of: "the whole robot".to_owned(),
+        fault,
+    };
+    total.map_or(Ok(()), |std| model.set_total_std(std).map_err(whole))
 }
 
 /// Sets what [`set_joint`] does not know of an effect: of a formula its first parameter, of all the others.

@@ -29,7 +29,9 @@ pub use bodies::{BodyQuantity, OtherBody};
 pub(crate) use bodies::{other_bodies, released};
 pub use bus::received;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
-pub(crate) use free_base::{set_walk, walk_bodies, walk_parameters, without_loaded};
+pub(crate) use free_base::{
+    quantities, set_walk, total_std, walk_bodies, walk_parameters, without_loaded,
+};
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
     fit_model,

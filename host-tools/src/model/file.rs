@@ -19,7 +19,7 @@ use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::InertialParameters;
 use tables::{
     BaseTable, EffectTable, File, FootTable, ImuTable, LogSpeech, Mount, ParameterEntry,
-    PriorEntry, PriorTable, RobotTable, Ten,
+    PriorEntry, PriorTable, RobotTable, Ten, TotalStd,
 };
 use toml::Spanned;
 pub(super) use write::text;
@@ -340,6 +340,12 @@ fn read_bodies(model: &mut Model, file: &File) -> Result<(), Fault> {
         model
             .place_body(body, phi, std)
             .map_err(impossible(at, what))?;
+    }
+    if let Some(table) = &file.total {
+        let TotalStd { m, x, y, z } = table.get_ref().std;
+        model
+            .set_total_std([m, x, y, z])
+            .map_err(impossible(table.span().start, "the total"))?;
     }
     Ok(())
 }

@@ -86,6 +86,9 @@
 //! # … hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; [body.base] is the base, about its own origin
 //! std = { m = 0.01 }              # … all ten
 //!
+//! [total]                         # all bodies together, of a robot that walks: its scales know that better than each body
+//! std = { m = 0.004, x = 2e-4, y = 1e-4, z = 3e-4 }   # mass, kg, and centre of mass as it stands, m
+//!
 //! [provenance]
 //! version = "0.1.0"
 //! command = "proprio identify leg.csv"
@@ -168,6 +171,7 @@ pub struct Model {
     effects: Vec<ModelEffect>,
     bodies: Vec<ModelBody>,
     base_body: ModelBody,
+    total_std: Option<[f64; 4]>,
     cad_uncertainty: f64,
     effect_priors: Vec<(EffectKind, Prior)>,
     motors: Vec<Option<Motor>>,
@@ -219,6 +223,7 @@ impl Model {
             effects: Vec::new(),
             bodies: vec![ModelBody::default(); bodies],
             base_body: ModelBody::default(),
+            total_std: None,
             cad_uncertainty: CAD_UNCERTAINTY,
             effect_priors: Vec::new(),
             motors: vec![None; bodies],
@@ -364,7 +369,26 @@ impl Model {
         std: Option<&[f64; INERTIAL]>,
     ) -> Result<(), Impossible> {
         let phi = InertialParameters(phi.0.map(rounded));
-        self.place_body(body, phi, std.map(|std| std.map(rounded)))
+        self.place_body(body, phi, std.map(|std| std.map(rounded)))?;
+        // Another body makes another total, of which nothing is known.
+        self.total_std = None;
+        Ok(())
+    }
+
+    /// Standard deviations of the whole robot's mass, kg, and of its centre of mass as it stands (x, y, z in the base, m), once it has walked: of the sum,
+    /// which is known better than its bodies are.
+    pub fn total_std(&self) -> Option<&[f64; 4]> {
+        self.total_std.as_ref()
+    }
+
+    /// States them of the bodies as they are; a body that is set later takes them away.
+    ///
+    /// # Errors
+    /// [`Impossible`] if one is negative or not finite; then nothing changes.
+    pub fn set_total_std(&mut self, std: [f64; 4]) -> Result<(), Impossible> {
+        std.iter().try_for_each(|&x| deviation(x).map(drop))?;
+        self.total_std = Some(std.map(rounded));
+        Ok(())
     }
 
     /// [`set_body`](Self::set_body) to the last digit.

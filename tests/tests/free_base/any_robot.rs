@@ -54,6 +54,38 @@ fn other_robots_walk_and_weigh_what_was_simulated() {
     }
 }
 
+/// A smaller robot whose joints have a Go2's names, as an A1's: its walk, given as a Go2's, is weighed wrong, and that it may be another robot's is said.
+#[test]
+fn another_robots_walk_under_a_go2s_names_is_doubted() {
+    let folder = folder();
+    let mut urdf = fs::read_to_string(robot("oracle/go2.urdf")).unwrap();
+    // Hips, thighs' offset and links, m, and masses, kg, of an A1 (`example-robot-data`).
+    for (go2s, a1s) in [
+        ("0.1934", "0.1805"),
+        ("0.0955", "0.0838"),
+        ("0.213", "0.2"),
+        (r#"value="6.921""#, r#"value="4.713""#),
+        (r#"value="1.152""#, r#"value="1.013""#),
+    ] {
+        assert!(urdf.contains(go2s));
+        urdf = urdf.replace(go2s, a1s);
+    }
+    fs::write(folder.path().join("a1.urdf"), urdf).unwrap();
+    let file = "format = 1\n\n[robot]\nurdf = \"a1.urdf\"\n";
+    fs::write(folder.path().join("a1.toml"), file).unwrap();
+    let walk = "simulate --walk trot -m a1.toml --typical --inertia-error 0.03 -o walk.csv";
+    run(folder.path(), walk);
+    let doubts = |model: &str| {
+        let identify = format!("identify --free-base walk.csv{model} --physical --json");
+        let found = json(&run(folder.path(), &identify));
+        let warnings = found["warnings"].as_array().unwrap().iter();
+        let warnings: Vec<String> = warnings.map(Value::to_string).collect();
+        println!("{warnings:?}");
+        warnings.iter().any(|told| told.contains("another robot"))
+    };
+    assert!(doubts("") && !doubts(" -m a1.toml"));
+}
+
 /// What is hidden at one joint of a hexapod is named, alone and with its value.
 #[test]
 fn what_another_robot_hides_is_named() {

@@ -102,6 +102,49 @@ fn what_is_identified_becomes_a_model_file() {
     assert_eq!(told.coordinates.len(), 6 + 18);
 }
 
+/// A tenth of its mass on the trunk of a robot that was identified without it: named alone, mass within 3 % and place within 15 mm, within two
+/// standard deviations and known so well: by what the whole robot weighs in both walks.
+#[test]
+fn a_load_is_what_the_robot_weighs_more() {
+    let out = empty_folder();
+    let model = folder().join("hexapod.toml").display().to_string();
+    let walk = |log: &str, hide: &[&str]| {
+        let of = ["simulate", "--walk", "trot", "-m", &model, "--typical"];
+        let robot = ["--inertia-error", "0.03", "--seed", "5", "-o", log];
+        done(out.path(), &[&of[..], &robot, hide].concat());
+    };
+    walk("bare.csv", &[]);
+    let of = ["identify", "--free-base", "bare.csv", "-m", &model];
+    let more = ["--physical", "-o", "fitted.toml"];
+    done(out.path(), &[&of[..], &more].concat());
+    let fitted = Model::load(&out.path().join("fitted.toml")).unwrap();
+    assert!(fitted.total_std().is_some());
+    walk(
+        "loaded.csv",
+        &["--hide", "payload:base=0.95,x=0.03,y=-0.02,z=0.05"],
+    );
+    let of = ["diagnose", "--free-base", "loaded.csv"];
+    let more = ["-m", "fitted.toml", "--json"];
+    let found = json(&done(out.path(), &[&of[..], &more].concat()));
+    let named: Vec<_> = (found["path"].as_array().unwrap().iter())
+        .filter(|step| step["step"] == "add")
+        .map(|step| format!("{}:{}", step["effect"], step["joints"]))
+        .collect();
+    assert_eq!(named, [r#""payload":["base"]"#]);
+    let near = [0.03 * 0.95, 0.015, 0.015, 0.015];
+    let truth = [0.95, 0.03, -0.02, 0.05];
+    for ((n, near), truth) in near.into_iter().enumerate().zip(truth) {
+        let parameter = &found["candidates"][0]["parameters"][n];
+        let [value, std] = ["value", "std"].map(|key| number(&parameter[key]));
+        println!("{value:.4} ± {std:.4}, truth {truth}");
+        let error = (value - truth).abs();
+        assert!(
+            error < near && error < 2.0 * std && std < near,
+            "{parameter}, truth {truth}"
+        );
+    }
+}
+
 /// An IMU that is 10 cm from where the model has it is found there, and told: the mass stays within 1 %.
 #[test]
 fn an_imu_elsewhere_is_found_and_told() {

@@ -25,12 +25,15 @@ use crate::equation::values::Place;
 use crate::estimate::ParameterEstimate;
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
+use crate::free_base::fit::Fit;
 use crate::free_base::legged::Legged;
 use crate::free_base::rungs::rungs;
 use crate::free_base::shapes;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::identify::{NotAModel, set_walk, walk_bodies, walk_parameters, without_loaded};
+use crate::identify::{
+    NotAModel, quantities, set_walk, total_std, walk_bodies, walk_parameters, without_loaded,
+};
 use crate::log::Samples;
 use crate::model::Model;
 use crate::select::search::search;
@@ -54,6 +57,9 @@ pub struct FreeBaseDiagnosis {
     /// What the model has at the end.
     #[serde(skip)]
     found: Vec<ParameterEstimate>,
+    /// Standard deviations of all bodies together.
+    #[serde(skip)]
+    total_std: Option<[f64; 4]>,
     /// Its effects.
     #[serde(skip)]
     effects: Vec<EffectSite>,
@@ -97,14 +103,19 @@ pub fn diagnose_free_base(
         fit,
         ..
     } = &found.end;
-    let values = match shapes::is_shaped(end) {
+    let all = |data: &Data, fit: &Fit| {
+        let deviations = data.deviations(fit);
+        let total = total_std(&quantities(fit, &deviations, &end.robot));
+        (walk_parameters(data, fit, &deviations), total)
+    };
+    let (values, total_std) = match shapes::is_shaped(end) {
         true => {
             let of = (&walks, model);
             let (told, sites) = shapes::with_derivatives(of, data, end.clone(), fit)?;
             let fit = told.fit(&sites).ok_or_else(unsolvable)?;
-            walk_parameters(&told, &fit, &told.deviations(&fit))
+            all(&told, &fit)
         }
-        false => walk_parameters(data, fit, &data.deviations(fit)),
+        false => all(data, fit),
     };
     let formulas = formulas::told(model, &formulas, &values);
     let mut diagnosis = text::diagnosis(logs, &walks, &structure, held_against, &found, formulas)
@@ -129,6 +140,7 @@ pub fn diagnose_free_base(
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
         found: values,
+        total_std,
         effects: structure.effects.clone(),
     })
 }
@@ -144,7 +156,7 @@ impl FreeBaseDiagnosis {
         for (effect, joint) in loads {
             model.remove_effect(effect, joint);
         }
-        set_walk(&self.found, &self.effects, model)
+        set_walk((&self.found, self.total_std), &self.effects, model)
     }
 }
 

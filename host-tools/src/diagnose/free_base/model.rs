@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock, Weak};
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Matrix4, Matrix4xX, Vector4};
 use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
@@ -22,6 +22,13 @@ use crate::select::fitted::Fitted;
 
 /// A value and its standard deviation.
 pub(super) type Value = (f64, f64);
+
+/// Mass and first moment of a body about its origin without its load: a value, what of it depends on the fit's parameters, and its covariance.
+struct WithoutLoad {
+    value: Vector4<f64>,
+    by_others: Matrix4xX<f64>,
+    covariance: Matrix4<f64>,
+}
 
 /// See the module.
 #[derive(Clone)]
@@ -133,25 +140,73 @@ impl WalkModel {
         both.into_iter().fold(0.0, f64::max)
     }
 
-    /// What a body has more than the model's of a combination of its parameters.
+    /// What a body has more than the model's of a combination of its mass and first moment.
     fn more(&self, body: usize, entries: &[(usize, f64)]) -> Value {
-        let (theta, model) = (self.fit.theta(), &self.structure.bodies[body]);
-        let first = INERTIAL * body;
-        // The model's body is not known better than it says, without its load.
-        let bare = self.structure.clone().with_load(body, false);
+        let (first, theta) = (INERTIAL * body, self.fit.theta());
+        let bare = self.without_load(body);
+        let mut own = Vector4::zeros();
+        entries.iter().for_each(|(k, x)| own[*k] = *x);
+        let mut combination: DVector<f64> = -bare.by_others.tr_mul(&own);
+        (0..4).for_each(|k| combination[first + k] += own[k]);
+        let value = combination.dot(theta) - own.dot(&bare.value);
+        let std = self.deviations().of_combination(&combination);
+        (
+            value,
+            std.hypot(own.dot(&(bare.covariance * own)).max(0.0).sqrt()),
+        )
+    }
+
+    /// What is known of a body without its load: by what the model says of it, and, where the model knows of all bodies together, by that less the other bodies
+    /// as they are here. A walk tells the sum ten times as well as its parts: what the trunk is taken to be too heavy by, the legs are too light by, in both walks.
+    fn without_load(&self, body: usize) -> WithoutLoad {
+        // No body is known better than the model says, without its load.
+        let bare = self.structure.with_loads(false);
         let problem = self.data.problem(&bare, self.fit.noise);
-        let prior = problem.prior_root(&problem.start());
-        let combination = |len: usize| {
-            let mut all = DVector::zeros(len);
-            entries.iter().for_each(|(k, x)| all[first + k] = *x);
-            all
+        let root = problem.prior_root(&problem.start());
+        let prior = |b: usize| -> Matrix4<f64> {
+            let own = root.fixed_rows::<4>(INERTIAL * b);
+            own * own.transpose()
         };
-        // Bodies come first in what the structure has.
-        let own = prior.tr_mul(&combination(prior.nrows())).norm();
-        let std = self.deviations().of_combination(&combination(theta.len()));
-        let more = |k: usize| theta[first + k] - model.inertia.0[k];
-        let value = entries.iter().map(|(k, x)| x * more(*k)).sum();
-        (value, std.hypot(own))
+        let stated = |b: usize| bare.bodies[b].inertia.0.fixed_rows::<4>(0).into_owned();
+        let mut by_others = Matrix4xX::zeros(self.fit.theta().len());
+        let (value, covariance) = (stated(body), prior(body));
+        let alone = WithoutLoad {
+            value,
+            by_others: by_others.clone(),
+            covariance,
+        };
+        let shares = bare.robot.shares_of_total();
+        let (Some(std), Some(inverse)) = (bare.total_std, shares[body].try_inverse()) else {
+            return alone;
+        };
+        let count = shares.len();
+        let total: Vector4<f64> = (0..count).map(|b| shares[b] * stated(b)).sum();
+        // Mass and centre of mass are known independently of each other; the first moment is their product.
+        let mut known = Matrix4::from_diagonal_element(total[0]);
+        known.set_column(0, &(total / total[0]));
+        known *= Matrix4::from_diagonal(&Vector4::from(std));
+        let mut of_total = known * known.transpose();
+        let mut rest = total;
+        for b in (0..count).filter(|&b| b != body) {
+            if self.structure.bodies[b].loaded {
+                // What it weighs here is not what it weighed.
+                rest -= shares[b] * stated(b);
+                of_total += shares[b] * prior(b) * shares[b].transpose();
+            } else {
+                let mut own = by_others.fixed_view_mut::<4, 4>(0, INERTIAL * b);
+                own.copy_from(&(-inverse * shares[b]));
+            }
+        }
+        let of_rest = inverse * of_total * inverse.transpose();
+        let Some(both) = (covariance + of_rest).try_inverse() else {
+            return alone;
+        };
+        let weight = covariance * both;
+        WithoutLoad {
+            value: value + weight * (inverse * rest - value),
+            by_others: weight * by_others,
+            covariance: covariance - weight * covariance,
+        }
     }
 
     /// Mass and place, from its body's origin, of a load: what the body is more than the model's, and where.

@@ -41,6 +41,8 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) body: BTreeMap<Spanned<String>, BodyTable>,
     #[serde(default)]
+    pub(super) total: Option<Spanned<TotalTable>>,
+    #[serde(default)]
     pub(super) provenance: Option<ProvenanceTable>,
 }
 
@@ -287,6 +289,22 @@ impl BodyTable {
         } = *self;
         [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]
     }
+}
+
+/// All bodies together.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TotalTable {
+    pub(super) std: TotalStd,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TotalStd {
+    pub(super) m: f64,
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) z: f64,
 }
 
 #[derive(Debug, Deserialize)]

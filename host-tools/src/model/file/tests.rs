@@ -91,6 +91,9 @@ fn model() -> impl Strategy<Value = Model> {
                     .place_body(body, phi, std.then(|| phi.0.map(f64::abs).into()))
                     .unwrap();
             }
+            if motor {
+                model.set_total_std([relative; 4]).unwrap();
+            }
             model.set_provenance(Provenance {
                 version: "0.1.0".to_owned(),
                 command: text.clone(),
@@ -176,12 +179,28 @@ fn a_changed_value_is_a_changed_line() {
     assert_eq!(changed, [("value = 5.1", "value = 0.123456789012")]);
 }
 
+/// What is known of all bodies together is not known of others.
+#[test]
+fn another_body_is_another_total() {
+    let mut model = Model::default();
+    model.set_total_std([0.01, 1e-4, 2e-4, 3e-4]).unwrap();
+    assert_eq!(model.total_std(), Some(&[0.01, 1e-4, 2e-4, 3e-4]));
+    model
+        .set_body(3, &model.inertia(3).clone(), Some(&[0.01; 10]))
+        .unwrap();
+    assert_eq!(model.total_std(), None);
+}
+
 #[test]
 fn what_is_wrong_is_named() {
     let effect = "\n[[effect]]\nname = \"coulomb\"\njoint = \"FR_hip\"\n";
     let body = "\n[body.FR_hip]\nm = 0.5\nhx = 0\nhy = 0\nhz = 0\nIxx = 1e-3\nIxy = 0\nIxz = 0\nIyy = 1e-3\nIyz = 0\n";
     let cases = [
         ("\n[mottor]\n", "there is no key `mottor`"),
+        (
+            "\n[total]\nstd = { m = -0.1, x = 0, y = 0, z = 0 }\n",
+            "the total: a standard deviation of -0.1 is not positive",
+        ),
         (&format!("{effect}vaule = 1"), "there is no key `vaule`"),
         (
             &format!("{effect}value = -1"),

@@ -107,6 +107,12 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             }
         }
     }
+    if let Some([m, x, y, z]) = model.total_std {
+        writeln!(
+            out,
+            "\n[total]\nstd = {{ m = {m:?}, x = {x:?}, y = {y:?}, z = {z:?} }}"
+        )?;
+    }
     if let Some(provenance) = &model.provenance {
         let Provenance {
             version,
