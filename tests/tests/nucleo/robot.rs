@@ -71,14 +71,18 @@ fn minute(faulty: bool) -> Vec<Event> {
     let mut asked_us = Vec::new();
     for (leg, which) in (0..).zip(Leg::ALL) {
         let mut random = ChaCha8Rng::seed_from_u64(u64::from(leg));
-        let course = Course::new(which);
+        let mut course = Course::new(which);
+        if !faulty {
+            // Its zeros hold: it need not rest, with torques that are of its motion.
+            course.again = 2 * CYCLES;
+        }
         let other = match which {
             Leg::RL => Leg::RR,
             same => same,
         };
         // Whose leg is in the socket in a cycle.
         let whose = |n: u64| if n >= FIRST && faulty { other } else { which };
-        for rest in [0, course.again] {
+        for rest in [0, course.again].into_iter().filter(|n| *n < CYCLES) {
             let (m, _) = course.at(rest);
             let joints = motion::sample(whose(rest), m).q;
             let placed = (0..).zip(joints).map(|(joint, q)| {
@@ -99,7 +103,8 @@ fn minute(faulty: bool) -> Vec<Event> {
             if rests {
                 sample.dq = [0.0; JOINTS_PER_LEG];
             }
-            for tau in &mut sample.tau {
+            // At rest, where positions do not change, an encoder would be taken to be stuck.
+            for tau in sample.tau.iter_mut().filter(|_| !rests) {
                 let noise: f64 = random.sample(StandardNormal);
                 *tau += NOISE * noise;
             }
@@ -189,7 +194,7 @@ fn truth() -> Vec<f64> {
         .collect()
 }
 
-/// Checks that what is told is true within its errors, until a fault is named, and that after zeros were set anew a leg's estimates are those of a robot
+/// Checks that what is told of a leg without a fault is true within its errors, and that after zeros were set anew a leg's estimates are those of a robot
 /// without faults, until its second fault.
 fn tell_what_is_true(messages: &[DeviceMessage], clean: &[DeviceMessage]) {
     let right = ([Zero::Set; 3], Wiring::Right);
@@ -229,10 +234,8 @@ fn tell_what_is_true(messages: &[DeviceMessage], clean: &[DeviceMessage]) {
     println!(
         "{off:?} of {told:?} numbers off by more than three of their errors, while nothing is wrong and before a fault is named; viscous, coulomb, armature, bias by {worst:.2?} at most, {apart:.2?} from a robot without faults"
     );
-    assert!(
-        100 * (off[0] + off[1]) <= told[0] + told[1],
-        "{off:?} of {told:?}"
-    );
+    // What is told between a fault and its name may have data of it: of a block of time whose end has not judged it yet.
+    assert!(100 * off[0] <= told[0], "{off:?} of {told:?}");
     assert!(apart.iter().all(|off| *off < 3.0), "{apart:?}");
     // One that never was right has none.
     assert_eq!(estimates_of(messages, 3).count(), 0);
