@@ -64,8 +64,6 @@ fn python() -> Option<PathBuf> {
 /// What a run of the image gave.
 struct Run {
     messages: Vec<DeviceMessage>,
-    /// When each was said, µs.
-    times_us: Vec<u64>,
     report: Value,
     /// Frames that were damaged, and that never came.
     losses: (u32, u32),
@@ -114,15 +112,14 @@ impl Run {
         );
         let (lines, report) = said.trim_end().rsplit_once('\n').unwrap();
         let mut receiver = Receiver::<DeviceMessage>::default();
-        let (mut messages, mut times_us) = (Vec::new(), Vec::new());
+        let mut messages = Vec::new();
         for line in lines.lines() {
-            let (time_us, hex) = line.split_once(' ').unwrap();
+            let (_, hex) = line.split_once(' ').unwrap();
             for pair in hex.as_bytes().chunks(2) {
                 let byte = u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
                 // A frame that the power has cut is counted.
                 if let Some(Ok(message)) = receiver.push(byte) {
                     messages.push(message);
-                    times_us.push(time_us.parse().unwrap());
                 }
             }
         }
@@ -136,7 +133,6 @@ impl Run {
         );
         Some(Self {
             messages,
-            times_us,
             report,
             losses,
         })
