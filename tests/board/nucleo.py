@@ -29,6 +29,8 @@ PERIPHERALS = [(0x4000_0000, 0x40000), (0x5000_0000, 0x10000), (0x5200_0000, 0x1
 BANK2 = 0x0810_0000
 SECTOR = 128 << 10
 
+# The first port; and interrupts of the vector table (RM0433, table of the NVIC).
+GPIO, VECTORS = 0x5802_0000, 150
 RCC, PWR, FLASH, DMA1, TIM5, IWDG1 = 0x5802_4400, 0x5802_4800, 0x5200_2000, 0x4002_0000, 0x4000_0C00, 0x5800_4800
 # USART2, UART4, UART5, UART7, USART3: the buses and the host, and their interrupts.
 UARTS = [(0x4000_4400, 38), (0x4000_4C00, 52), (0x4000_5000, 53), (0x4000_7800, 82), (0x4000_4800, 39)]
@@ -544,6 +546,22 @@ class Board:
         divider = brr & ~0xF | (brr & 7) << 1 if over8 else brr
         return KERNEL_HZ * (1 + over8) // divider if divider else 0
 
+    def pins(self):
+        """Pins that are a peripheral's, by name, with their alternate function (RM0433, GPIOx_MODER and GPIOx_AFRL)."""
+        functions = {}
+        for port in range(11):
+            base = GPIO + 0x400 * port
+            mode, low, high = (self.registers.get(base + at, 0) for at in (0, 0x20, 0x24))
+            for pin in range(16):
+                if mode >> 2 * pin & 3 == 2:
+                    functions[f"P{chr(ord('A') + port)}{pin}"] = (high << 32 | low) >> 4 * pin & 15
+        return functions
+
+    def handled(self):
+        """Interrupts whose vector is not that of most."""
+        vectors = struct.unpack(f"<{VECTORS}I", self.uc.mem_read(0x0800_0000 + 4 * 16, 4 * VECTORS))
+        return [number for number, vector in enumerate(vectors) if vector != max(vectors, key=vectors.count)]
+
     def report(self):
         pets = [at for at, key in self.watchdog if key == 0xAAAA]
         pauses = [after - before for before, after in zip(pets, pets[1:])]
@@ -556,6 +574,10 @@ class Board:
             "interrupt_instructions": {number: [len(costs), sum(costs) / len(costs), max(costs)] for number, costs in self.costs.items()},
             "starts": self.starts,
             "sectors_erased": self.erased,
+            "pins": self.pins(),
+            "handled": self.handled(),
+            # CR1.TE.
+            "transmits": [bool(uart.registers.get(0, 0) & 8) for uart in self.uarts],
             "buses_baud": [self.baud(uart) for uart in self.uarts[:4]],
             "lights": self.shown,
         }

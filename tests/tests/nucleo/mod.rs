@@ -355,6 +355,54 @@ fn the_nucleos_image_starts_without_its_crystal_and_tells_a_zero_that_is_void() 
     );
 }
 
+/// A UART, its pins with their alternate functions (data sheet DS12110, tables of ports D and E), and its interrupt (RM0433, table of the NVIC).
+struct Uart(&'static str, &'static [(&'static str, u64)], u64);
+
+/// Of the four buses and the host. A bus has no pin that transmits.
+const UARTS: [Uart; 5] = [
+    Uart("USART2", &[("PD6", 7)], 38),
+    Uart("UART4", &[("PD0", 8)], 52),
+    Uart("UART5", &[("PD2", 8)], 53),
+    Uart("UART7", &[("PE7", 7)], 82),
+    Uart("USART3", &[("PD8", 7), ("PD9", 7)], 39),
+];
+
+/// The pins that the image gives to peripherals are those of the part's table and of the wiring guide, and no other; its vectors are where the part
+/// looks for them; no bus is transmitted on.
+#[test]
+fn the_nucleos_image_listens_where_the_part_and_the_guide_say() {
+    let Some(run) = Run::new(0.1, &[], &[]) else {
+        return;
+    };
+    let pins = UARTS.iter().flat_map(|Uart(_, pins, _)| *pins);
+    let pins: serde_json::Map<_, _> = pins
+        .map(|(pin, function)| (pin.to_string(), Value::from(*function)))
+        .collect();
+    assert_eq!(run.report["pins"], Value::Object(pins));
+    assert_eq!(
+        run.report["transmits"],
+        Value::from(vec![false, false, false, false, true])
+    );
+    let handled = run.report["handled"].as_array().unwrap();
+    let numbers = INTERRUPTS.iter().flat_map(|(_, numbers)| *numbers);
+    let numbers = numbers.map(|number| u64::from(*number));
+    for number in numbers.chain(UARTS.map(|Uart(.., number)| number)) {
+        assert!(
+            handled.contains(&Value::from(number)),
+            "{number}: {handled:?}"
+        );
+    }
+    let guide = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/wiring.md");
+    let guide = fs::read_to_string(guide).unwrap();
+    for (line, Uart(uart, pins, _)) in ["FR", "FL", "RR", "RL", "host"].into_iter().zip(UARTS) {
+        let pins = pins.iter().map(|(pin, _)| *pin);
+        let row = format!("| {line} | {uart} | ");
+        let row = guide.lines().find_map(|text| text.strip_prefix(&row));
+        let row = row.unwrap_or_else(|| panic!("{line} at {uart} is not in the guide"));
+        assert!(pins.into_iter().all(|pin| row.contains(pin)), "{row}");
+    }
+}
+
 /// RCC_RSR after each kind of reset (RM0433, RCC_RSR), all of which pull the pin and reset the core.
 #[test]
 fn the_nucleos_image_tells_why_it_started() {
