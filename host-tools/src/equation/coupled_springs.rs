@@ -12,6 +12,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::spring::Course;
 use crate::recording::PIECE_US;
 
 /// The fastest swing's angle in a step of the trapezoidal rule, rad: its frequency is then right within 0.03²·… = 1e-3.
@@ -39,12 +40,12 @@ pub(super) struct Spring {
     pub(super) damping: f64,
 }
 
-/// Position and velocity of each spring's link against its motor (rad, rad/s) at the times `t`, spring by spring; `load` are the torques (N m) that each
+/// Position and velocity of each spring's link against its motor (rad, rad/s) at the times `t`, spring by spring; `load` are the torques that each
 /// takes to follow its motor, and `inertia` is the springs' part of M (kg m²) at each time.
 pub(super) fn coupled(
     t: &[f64],
     springs: &[Spring],
-    load: &[Vec<f64>],
+    load: &[Course],
     inertia: impl Fn(usize) -> DMatrix<f64>,
 ) -> Vec<Vec<[f64; 2]>> {
     let n = springs.len();
@@ -60,7 +61,7 @@ pub(super) fn coupled(
     let mut x = DVector::from_fn(n, |i, _| {
         let swing = std::f64::consts::TAU * (last[(i, i)] / k[i]).sqrt();
         let count = t.partition_point(|own| *own <= t[0] + swing).max(1);
-        -load[i][..count].iter().sum::<f64>() / (count as f64 * k[i])
+        -load[i].at[..count].iter().sum::<f64>() / (count as f64 * k[i])
     });
     let mut v = DVector::zeros(n);
     let mut momentum = &last * &v;
@@ -85,7 +86,8 @@ pub(super) fn coupled(
                     for sub in 0..count as usize {
                         let share = (sub as f64 + 0.5) / count;
                         let torque = DVector::from_fn(n, |i, _| {
-                            load[i][now - 1] + share * (load[i][now] - load[i][now - 1])
+                            let Course { at, beyond } = load[i];
+                            at[now - 1] + share * (at[now] - at[now - 1]) + beyond[now]
                         });
                         let next = &solve * (&moved * &v - k.component_mul(&x) - torque);
                         x += (&v + &next) * (0.5 * h);
@@ -121,7 +123,9 @@ mod tests {
             let t: Vec<f64> = (0..40_000).map(|k| 5e-4 * f64::from(k)).collect();
             let sine: Vec<f64> = t.iter().map(|t| (omega * t).sin()).collect();
             let load = [sine, vec![0.0; t.len()]];
-            let moved = coupled(&t, &springs, &load, |_| mass.clone());
+            let none = vec![0.0; t.len()];
+            let courses = load.each_ref().map(|at| Course { at, beyond: &none });
+            let moved = coupled(&t, &springs, &courses, |_| mass.clone());
             let s = Complex64::new(0.0, omega);
             let a = DMatrix::from_fn(2, 2, |i, j| {
                 let spring = springs[i].stiffness + s * springs[i].damping;
@@ -159,13 +163,17 @@ mod tests {
             friction: 0.0,
             displacement: 0.0,
         };
-        let alone = spring(&t, &load, &vec![inertia; t.len()], gear);
+        let torque = Course {
+            at: &load,
+            beyond: &vec![0.0; t.len()],
+        };
+        let alone = spring(&t, torque, &vec![inertia; t.len()], gear);
         let one = Spring {
             joint: 0,
             stiffness,
             damping,
         };
-        let own = coupled(&t, &[one], std::slice::from_ref(&load), |_| {
+        let own = coupled(&t, &[one], &[torque], |_| {
             DMatrix::from_element(1, 1, inertia)
         });
         let most = alone.iter().fold(0.0_f64, |most, [x, _]| most.max(x.abs()));

@@ -12,7 +12,7 @@ use super::coupled_springs::{Spring, coupled};
 use super::joint_states::{Needs, States};
 use super::local_line::{around, local_line};
 use super::motion::Motion;
-use super::spring::{Gear, spring};
+use super::spring::{Course, Gear, spring};
 use super::transmitted_torque_cache::Load;
 use super::values::{Place, Values};
 use crate::trajectory::{Before, Trajectory};
@@ -23,7 +23,7 @@ const TYPICAL_PLAY: f64 = 0.01;
 const NEAR: f64 = 0.01;
 
 /// Position and velocity of a link against its motor, by times, torques and inertias.
-type Follows<'a> = dyn Fn(&[f64], &[f64], &[f64]) -> Vec<[f64; 2]> + 'a;
+type Follows<'a> = dyn Fn(&[f64], Course, &[f64]) -> Vec<[f64; 2]> + 'a;
 
 impl Motion {
     /// Each joint's load, and how it moves the links: how far they are from their motors (rad) and how fast they move against them
@@ -151,7 +151,7 @@ impl Motion {
         gap: f64,
     ) -> Vec<(usize, [f64; 2])> {
         self.moved(load, stretch, joint, &|t, torque, inertia| {
-            play(t, torque, inertia, gap)
+            play(t, torque.at, inertia, gap)
         })
     }
 
@@ -181,11 +181,16 @@ impl Motion {
         }
         let (n, first) = (self.joints, states.first);
         let (rigid, base) = (body.loaded(values), body.base(values));
-        let of = |spring: &Spring| {
-            let own = stretch.clone().map(|k| load.filtered[k * n + spring.joint]);
-            own.collect::<Vec<f64>>()
+        let of = |all: &[f64], spring: &Spring| -> Vec<f64> {
+            stretch.clone().map(|k| all[k * n + spring.joint]).collect()
         };
-        let loads: Vec<Vec<f64>> = springs.iter().map(of).collect();
+        let parts = springs.iter();
+        let parts: Vec<[Vec<f64>; 2]> = parts
+            .map(|spring| [&load.filtered, &load.beyond].map(|all| of(all, spring)))
+            .collect();
+        let loads: Vec<Course> = (parts.iter())
+            .map(|[at, beyond]| Course { at, beyond })
+            .collect();
         let q = &states.q;
         let inertia = |i: usize| {
             let at = (stretch.start + i - first) * n;
@@ -239,9 +244,14 @@ impl Motion {
         by: &Follows,
     ) -> Vec<(usize, [f64; 2])> {
         let at = || stretch.clone().map(|k| k * self.joints + joint);
-        let torque: Vec<f64> = at().map(|at| load.filtered[at]).collect();
-        let inertia: Vec<f64> = at().map(|at| load.inertia[at]).collect();
-        at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
+        let of = |all: &[f64]| at().map(|at| all[at]).collect::<Vec<f64>>();
+        let [filtered, beyond, inertia] =
+            [&load.filtered, &load.beyond, &load.inertia].map(|x| of(x));
+        let torque = Course {
+            at: &filtered,
+            beyond: &beyond,
+        };
+        at().zip(by(&self.time[stretch.clone()], torque, &inertia))
             .collect()
     }
 }

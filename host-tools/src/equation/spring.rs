@@ -9,7 +9,8 @@
 //!
 //! with M the inertia that the joint turns and c = 1/k the compliance (Spong 1987, *ASME J. Dyn. Syst. Meas. Control* 109:310, eq. 5,
 //! with the motor's motion given). Slow motion leaves x = −c L; near the resonance 1/√(M c) the link goes much farther. L runs
-//! straight between samples, so that the step from one to the next is exact however stiff the spring.
+//! straight between samples, so that the step from one to the next is exact however stiff the spring. Where friction stops a motor between two samples,
+//! and lets it go, its acceleration jumps: then L has in the mean what the change of its velocity says.
 //!
 //! Friction inside the spring (`elastic_hysteresis`) adds f z(x), dz/dx = (1 − z sgn ẋ)/w: along a step a straight line in x, which stiffens
 //! the spring by f dz/dx.
@@ -28,9 +29,19 @@ pub(crate) struct Gear {
     pub(crate) displacement: f64,
 }
 
-/// Position and velocity of the link against the motor (rad, rad/s) at the times `t`, under the torques `load` (N m) that it takes to
-/// follow the motor; `inertia` in kg m² at each of them.
-pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Vec<[f64; 2]> {
+/// A torque over time, N m: straight from sample to sample, and a constant beyond that.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Course<'a> {
+    /// At the samples.
+    pub(crate) at: &'a [f64],
+    /// From the sample before each to it.
+    pub(crate) beyond: &'a [f64],
+}
+
+/// Position and velocity of the link against the motor (rad, rad/s) at the times `t`, under the `torque` that it takes to follow the motor; `inertia`
+/// in kg m² at each of them.
+pub(crate) fn spring(t: &[f64], torque: Course, inertia: &[f64], gear: Gear) -> Vec<[f64; 2]> {
+    let load = torque.at;
     let mut all: Vec<[f64; 2]> = Vec::with_capacity(t.len());
     let (mut now, mut momentum) = ([0.0f64; 2], 0.0);
     let has_friction = gear.friction > 0.0 && gear.displacement > 0.0;
@@ -42,7 +53,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
         let [load, rate] = if k == 0 {
             before(t, load, inertia[0] * gear.compliance)
         } else if step > 0.0 {
-            [load[a], (load[b] - load[a]) / step]
+            [load[a] + torque.beyond[b], (load[b] - load[a]) / step]
         } else {
             [load[a], 0.0]
         };
@@ -108,6 +119,15 @@ fn before(t: &[f64], load: &[f64], mass_by_compliance: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Where the link goes under a load that runs straight between samples.
+    fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Vec<[f64; 2]> {
+        let torque = Course {
+            at: load,
+            beyond: &vec![0.0; load.len()],
+        };
+        super::spring(t, torque, inertia, gear)
+    }
 
     /// A spring without friction.
     fn frictionless(compliance: f64) -> Gear {

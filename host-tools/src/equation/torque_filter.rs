@@ -43,8 +43,7 @@ impl Motion {
     /// What of torques (N m; sample by sample, joint by joint) is motion, and not its noise.
     pub(super) fn filtered_torque(
         &self,
-        body: &LimbBody,
-        values: &Values,
+        inertia: &DMatrix<f64>,
         motors: &[Trajectory],
         torque: &[f64],
     ) -> Vec<f64> {
@@ -60,7 +59,6 @@ impl Motion {
         if length < LEAST_SAMPLES {
             return known;
         }
-        let inertia = self.usual_inertia(body, values);
         let mut planner = RealFftPlanner::new();
         for joint in 0..self.joints {
             let density = |frequency: f64| {

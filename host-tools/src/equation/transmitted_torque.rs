@@ -4,7 +4,10 @@
 //! It is dear and asked for again and again, for links that are let go by various amounts and for columns beside each other: what was
 //! asked for last is kept.
 
+use std::borrow::Cow;
 use std::sync::{Arc, PoisonError};
+
+use nalgebra::{DMatrix, DVector};
 
 use super::body::LimbBody;
 use super::local_line::{Line, around};
@@ -144,18 +147,44 @@ impl Motion {
                 turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
             }
         });
-        let filtered = if loose {
-            self.filtered_torque(body, values, motors.0, &torque)
+        let [filtered, beyond] = if loose {
+            let usual = self.usual_inertia(body, values);
+            [
+                self.filtered_torque(&usual, motors.0, &torque),
+                self.beyond_samples(&usual, &links),
+            ]
         } else {
             inertia = Vec::new();
-            Vec::new()
+            [Vec::new(), Vec::new()]
         };
         Load {
             inertia,
             filtered,
+            beyond,
             line: self.lines(&torque, asked),
             torque,
         }
+    }
+
+    /// What joints' torques are in the mean between two samples beyond the mean at both, N m: of the samples at which each step ends, joint by joint. Where
+    /// friction stops a motor between them its acceleration jumps, and the velocity has changed by another mean than theirs.
+    fn beyond_samples(&self, inertia: &DMatrix<f64>, links: &[Cow<Trajectory>]) -> Vec<f64> {
+        let n = self.joints;
+        let mut beyond = vec![0.0; n * self.time.len()];
+        for k in self.stretches.iter().flat_map(|s| s.clone().skip(1)) {
+            let step = self.time[k] - self.time[k - 1];
+            if step <= 0.0 {
+                continue;
+            }
+            let lacks = links.iter().map(|link| {
+                let [[_, v0, a0, _], [_, v1, a1, _]] = [link.state[k - 1], link.state[k]];
+                (v1 - v0) / step - 0.5 * (a0 + a1)
+            });
+            let lacks = DVector::from_iterator(n, lacks);
+            let own = inertia * lacks;
+            beyond[k * n..][..n].copy_from_slice(own.as_slice());
+        }
+        beyond
     }
 
     /// Value and slope of a torque at the samples that are asked for, by straight lines.

@@ -17,6 +17,9 @@ pub(crate) struct Load {
     pub(super) torque: Vec<f64>,
     /// What of it is motion, and no noise of it ([`Motion::filtered_torque`](super::motion::Motion)), N m. Nothing where no link may move.
     pub(super) filtered: Vec<f64>,
+    /// What it is in the mean from the sample before each to it beyond the mean of both, N m ([`Motion::beyond_samples`](super::motion::Motion)). Nothing
+    /// where no link may move.
+    pub(super) beyond: Vec<f64>,
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
     pub(super) line: Vec<[f64; 2]>,
     /// The inertia that each joint turns, kg m²; sample by sample, joint by joint. Nothing where no link may move.
@@ -66,7 +69,7 @@ impl Loads {
     }
 
     pub(super) fn put(&self, key: Key, load: &Arc<Load>) {
-        let size = |load: &Load| 3 * load.torque.len() + 2 * load.inertia.len();
+        let size = |load: &Load| 3 * load.torque.len() + 3 * load.inertia.len();
         if size(load) > MOST {
             return;
         }
