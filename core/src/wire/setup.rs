@@ -20,14 +20,16 @@ pub struct Setup {
     pub bus_baud: u32,
 }
 
+/// The nearest 0.1 mm to a place, m.
+const fn tenths(place: f64) -> i16 {
+    let away = if place < 0.0 { -0.5 } else { 0.5 };
+    (1e4 * place + away) as i16
+}
+
 impl Setup {
     /// A Go2 with its own IMU.
     pub const GO2: Self = Self {
-        imu_at: [
-            (1e4 * IMU[0]) as i16,
-            (1e4 * IMU[1]) as i16,
-            (1e4 * IMU[2]) as i16,
-        ],
+        imu_at: [tenths(IMU[0]), tenths(IMU[1]), tenths(IMU[2])],
         imu_turned: [0; 3],
         bus_baud: <Go2 as Robot<JOINTS_PER_LEG>>::BAUD,
     };

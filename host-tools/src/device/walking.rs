@@ -2,14 +2,12 @@
 
 use proprio_core::Real;
 use proprio_core::app::{WalkingApp, WalkingMemory};
-use proprio_core::go2::IMU;
-use proprio_core::spatial::Transform;
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 
 use super::desktop::identity;
 use super::{BusStep, Device, DeviceError};
 
-/// The application fed directly, of a Go2 with its IMU where it is built in. What the IMU reads is said before a step
+/// The application fed directly, of a Go2 with its IMU where a board that is not set up takes it to be. What the IMU reads is said before a step
 /// ([`HostMessage::Imu`]), as to an emulated board.
 pub struct WalkingDesktop<T: Real> {
     app: Box<WalkingApp<T>>,
@@ -22,8 +20,9 @@ impl<T: Real> WalkingDesktop<T> {
     pub fn new() -> Self {
         let mut app = Box::new(WalkingApp::unset());
         let mut memory = Box::new(WalkingMemory::new());
-        let mounting = Transform::from_translation(IMU.map(nalgebra::convert::<f64, T>).into());
-        app.begin(&mut memory, identity(), &mounting)
+        let identity = identity();
+        let mounting = identity.start.setup.mounting();
+        app.begin(&mut memory, identity, &mounting)
             .expect("of the Go2's constants the priors can be made");
         // Every board does one step at time 0, and it says hello.
         let mut hello = None;
