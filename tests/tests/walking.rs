@@ -5,7 +5,7 @@ use proprio_core::app::{Identity, Start, WalkingApp, WalkingMemory};
 use proprio_core::go2;
 use proprio_core::spatial::Transform;
 use proprio_core::walk::{WalkEstimate, WalkMemory, WalkSample, Walker};
-use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Walk};
+use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Setup, Walk};
 use proprio_host::device::replay::walk_step;
 use proprio_host::device::{BusStep, Device, Qemu, WalkStep, WalkingDesktop, image};
 use proprio_host::estimate::Constraint;
@@ -88,9 +88,9 @@ fn steps(name: &str) -> Vec<WalkStep> {
     steps
 }
 
-/// Where a Go2's own IMU is, with the trunk's axes.
+/// Where a board that is not set up takes its IMU to be: a Go2's own.
 fn own_imu() -> Transform<f64> {
-    Transform::from_translation(go2::IMU.into())
+    Setup::GO2.mounting()
 }
 
 /// The application in this process, of an IMU that is mounted so.
