@@ -76,7 +76,6 @@ use snapshot::{Snapshots, Source};
 use solution::Solving;
 use support::{HOLD_US, carries};
 pub use walking::{WALK_US, WalkingApp, WalkingMemory};
-use wiring::WATCH_US;
 pub use zeros::rest;
 
 /// Time between two estimates, each of the next leg in turn, µs.
@@ -129,9 +128,6 @@ pub struct App<T: Real> {
     solving: Slot<Solving>,
     /// The diagnosis was the last to go on beside a consistent solution.
     diagnosed: bool,
-    /// The leg whose velocities are watched, and when its turn ends.
-    watched: usize,
-    watch_at: u64,
     /// The leg to solve next, and when.
     next: (Leg, u64),
     /// A solution to be told.
@@ -171,8 +167,6 @@ impl<T: Real> App<T> {
             descent: DeviceDescent::empty(),
             solving: Slot::Empty,
             diagnosed: false,
-            watched: 0,
-            watch_at: 0,
             next: (Leg::FR, 0),
             solved: Slot::Empty,
             requests: Requests::new(),
@@ -351,7 +345,6 @@ impl<T: Real> App<T> {
         self.counters_at = within(self.counters_at, REPORT_US);
         self.next.1 = within(self.next.1, ESTIMATE_US);
         self.carried_until = within(self.carried_until, HOLD_US);
-        self.watch_at = within(self.watch_at, WATCH_US);
     }
 
     /// Judges whether the feet carry the robot; the next hello, which comes at once, says if that is new.

@@ -2,7 +2,6 @@
 //! that one could not ([`crate::consistent`]). The diagnosis has the steps between.
 
 use super::leg::LegLine;
-use super::wiring::{Turn, WATCH_US};
 use super::{App, ESTIMATE_US, Memory};
 use crate::Real;
 use crate::factor::FactorError;
@@ -13,10 +12,6 @@ use crate::wire::Solution;
 /// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
 /// step within its budget.
 const REST: u8 = 2;
-
-/// The same after the begin of a turn of the watch over the velocities: two parts of a solution or of the diagnosis less for every 320 steps, whose
-/// cost (some 17 000 instructions each) is what noting a leg's samples costs in them.
-const WATCH_REST: u8 = 3 * (REST + 1) - 1;
 
 /// A leg that is being solved.
 #[derive(Clone, Copy)]
@@ -61,10 +56,6 @@ impl<T: Real> App<T> {
             return;
         }
         self.rest = REST;
-        if now_us >= self.watch_at && self.watch(memory, now_us) {
-            self.rest = WATCH_REST;
-            return;
-        }
         if self.solving.get().is_none()
             && self.solved.get().is_none()
             && self.legs.iter().any(LegLine::waits_for_trial)
@@ -86,32 +77,6 @@ impl<T: Real> App<T> {
         {
             self.diagnosis.advance(&leg.evidence(data));
         }
-    }
-
-    /// Ends a turn of the watch over the velocities' gains (`wiring`), and begins the next: of the next leg that is watched, or of the same where it is in
-    /// doubt. False if none is. It has the place of a part of a solution or of the diagnosis.
-    #[cold]
-    #[inline(never)]
-    fn watch(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
-        self.watch_at = now_us.saturating_add(WATCH_US);
-        let watched = self
-            .legs
-            .get_mut(self.watched)
-            .zip(memory.0.get_mut(self.watched));
-        let turn = watched.map(|(leg, data)| leg.end_watch(data));
-        if let Some(Turn::Doubt | Turn::Told) = turn {
-            self.hello_at = 0;
-        }
-        if turn == Some(Turn::Doubt) {
-            return true;
-        }
-        for n in (1..=LEGS).map(|ahead| (self.watched + ahead) % LEGS) {
-            if self.identifies(n) && self.legs.get_mut(n).is_some_and(LegLine::watch) {
-                self.watched = n;
-                return true;
-            }
-        }
-        false
     }
 
     /// One part of a leg's trial: in the solver's storage, so between two solutions, which wait until the trial is done. Apart: a step without

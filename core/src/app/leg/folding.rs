@@ -71,15 +71,10 @@ impl<T: Real> LegLine<T> {
     /// Leaves out the present block and what waits to be folded in.
     fn leave_out_spoilt(&mut self, data: &mut LegData<T>) {
         self.spoilt = false;
-        let windows = self.drop_block(data);
-        self.counters.carried = self.counters.carried.wrapping_add(windows);
-    }
-
-    /// Takes the present block and what waits out; how many windows these were.
-    pub(super) fn drop_block(&mut self, data: &mut LegData<T>) -> u32 {
         self.stale = true;
+        let windows = data.folds.drop_waiting() as u32 + single(data.folds.restore()) as u32;
+        self.counters.carried = self.counters.carried.wrapping_add(windows);
         data.test.begin_block();
-        data.folds.drop_waiting() as u32 + single(data.folds.restore()) as u32
     }
 
     /// Closes the block of time before what waits, if it is another: looks whether the leg has changed in it, and begins the

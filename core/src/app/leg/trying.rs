@@ -2,7 +2,7 @@
 
 use super::{LegData, LegLine};
 use crate::Real;
-use crate::app::wiring::{Model, Outcome, Said, Turn};
+use crate::app::wiring::{Model, Outcome, Said};
 use crate::estimator::Change;
 use crate::go2::{Leg, position_limits};
 use crate::slot::Slot;
@@ -62,22 +62,6 @@ impl<T: Real> LegLine<T> {
         data.withheld = Slot::Full((told, change));
         self.trial.begin(true);
         true
-    }
-
-    /// Begins a turn of the watch over the velocities' gains; false of a leg that is not watched.
-    pub(in crate::app) fn watch(&mut self) -> bool {
-        self.trial.watch()
-    }
-
-    /// Ends it. Where a velocity's gain is off, what came shortly before is of a wrong velocity too.
-    pub(in crate::app) fn end_watch(&mut self, data: &mut LegData<T>) -> Turn {
-        let was_right = self.is_cleared();
-        let turn = self.trial.end_watch(&data.notes);
-        if turn == Turn::Doubt && was_right && !self.is_forgetting() {
-            let windows = self.drop_block(data);
-            self.counters.forgotten = self.counters.forgotten.wrapping_add(windows);
-        }
-        turn
     }
 
     /// Whether a part of a trial waits to be done.

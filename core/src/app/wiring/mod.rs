@@ -9,9 +9,8 @@
 //! - a fault is named if no second one beside it makes the readings clearly likelier: two faults are not one of them;
 //! - else it looks at as many windows over twice the time, and if that decides nothing it says so, and goes on.
 //!
-//! A velocity's gain needs no model: velocities integrate to positions. So it is looked at as long as the leg is right, a turn of [`WATCH_US`] of one
-//! leg after the other ([`Trial::watch`]). Else a trial costs nothing after its decision. It begins anew when a zero is set, and when the leg changes
-//! ([`crate::estimator::BlockTest`]): the change is told as one of its physics only if no fault explains it.
+//! A velocity's gain needs no model: velocities integrate to positions. After a decision a trial costs nothing. It begins anew when a zero is
+//! set, and when the leg changes ([`crate::estimator::BlockTest`]): the change is told as one of its physics only if no fault explains it.
 //!
 //! Positions that are angles by the host's word ([`crate::wire::Positions::Absolute`]) are not tried: recordings and emulators, whose order and
 //! signs are not a wiring's.
@@ -65,13 +64,6 @@ const FAULT_STRAIN: f32 = 12.0;
 const GAIN: f32 = 0.04;
 /// Least mean of a joint's squared velocities, (rad/s)², by which its gain is judged: the noise then makes 0.5 % of it.
 const TRAVEL: f32 = 0.04;
-
-/// A turn of the watch, µs. Four legs' turns and those that confirm a fault are 4.5 s, of the 10 s in which one is to be named.
-pub(super) const WATCH_US: u64 = 640_000;
-/// Fewest windows of a turn in which the leg moves that its gains are judged by: half of them; then the noise makes 1.5 % of a gain at most.
-const WATCHED: f32 = 16.0;
-/// Turns one after the other in which a gain is off until it is named: the first may be begun by what has become wrong in its middle.
-const CONFIRMING: u8 = 3;
 
 /// What a trial has taken down. Apart from the trial: a line whose parts are further apart costs every step more.
 #[derive(Clone, Copy, Debug)]
@@ -133,39 +125,14 @@ impl Notes {
 pub(super) struct Trial {
     /// What is told.
     known: Wiring,
-    /// What windows are noted for; and nothing has been noted of it yet.
-    task: Task,
-    fresh: bool,
-    /// The trial, or the last one, is of a leg that was right and has changed.
+    /// A trial is under way; and it is of a leg that was right and has changed; and nothing has been noted of it yet.
+    running: bool,
     changed: bool,
-    /// The host takes the wiring to be right, whatever was found.
-    trusted: bool,
-    /// Turns of the watch one after the other in which a velocity's gain was off.
-    doubts: u8,
+    fresh: bool,
     /// Attempts that have decided nothing.
     attempts: u8,
     /// Readings that were taken.
     taken: u8,
-}
-
-/// What a leg's windows are noted for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Task {
-    Nothing,
-    Trial,
-    /// A turn of the watch.
-    Watch,
-}
-
-/// What a turn of the watch has come to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Turn {
-    /// Nothing: it is the next leg's.
-    Over,
-    /// A gain is off: it is the same leg's again, of which nothing is told meanwhile.
-    Doubt,
-    /// What is told of the leg is another: a gain was off often enough, or is not any more.
-    Told,
 }
 
 /// What a trial has come to.
@@ -203,11 +170,9 @@ impl Trial {
     pub(super) const fn new() -> Self {
         Self {
             known: Wiring::Untested,
-            task: Task::Nothing,
-            fresh: false,
+            running: false,
             changed: false,
-            trusted: false,
-            doubts: 0,
+            fresh: false,
             attempts: 0,
             taken: 0,
         }
@@ -224,16 +189,16 @@ impl Trial {
         matches!(self.known, Wiring::Untested | Wiring::Right)
     }
 
-    /// Whether windows are noted.
+    /// Whether windows are the trial's.
     #[inline]
     pub(super) fn is_running(&self) -> bool {
-        self.task != Task::Nothing
+        self.running
     }
 
     /// Ends a trial, and knows nothing.
     pub(super) fn clear(&mut self) {
         self.known = Wiring::Untested;
-        (self.task, self.doubts) = (Task::Nothing, 0);
+        self.running = false;
     }
 
     /// Ends a trial that has found no fault, by the host's word; false if there is none.
@@ -244,7 +209,7 @@ impl Trial {
         );
         if open {
             self.known = Wiring::Right;
-            (self.task, self.trusted, self.doubts) = (Task::Nothing, true, 0);
+            self.running = false;
         }
         open
     }
@@ -252,43 +217,8 @@ impl Trial {
     /// Begins a trial; `changed`: of a leg that was right.
     pub(super) fn begin(&mut self, changed: bool) {
         self.known = Wiring::OnTrial;
-        // What the host trusts may change in its physics, and is trusted as before.
-        (self.trusted, self.doubts) = (self.trusted && changed, 0);
-        (self.task, self.changed) = (Task::Trial, changed);
+        (self.running, self.changed) = (true, changed);
         (self.attempts, self.taken, self.fresh) = (0, 0, true);
-    }
-
-    /// Begins a turn of the watch over a leg that a trial has found to be right; false of any other. One that the host trusts is as it says.
-    pub(super) fn watch(&mut self) -> bool {
-        let watches = self.known == Wiring::Right && !self.trusted;
-        if watches {
-            (self.task, self.fresh) = (Task::Watch, true);
-        }
-        watches
-    }
-
-    /// Ends a turn of the watch.
-    pub(super) fn end_watch(&mut self, notes: &Notes) -> Turn {
-        if self.task != Task::Watch {
-            return Turn::Over;
-        }
-        self.task = Task::Nothing;
-        let judged = !self.fresh && notes.windows >= WATCHED;
-        let found = judged.then(|| Self::velocities(notes)).flatten();
-        let before = core::mem::take(&mut self.doubts);
-        (self.known, self.doubts) = match found {
-            Some(_) if before + 1 < CONFIRMING => (Wiring::OnTrial, before + 1),
-            Some(fault) => (Wiring::Fault(fault), 0),
-            None => (Wiring::Right, 0),
-        };
-        if self.doubts > 0 {
-            (self.task, self.fresh) = (Task::Watch, true);
-            return Turn::Doubt;
-        }
-        match before {
-            0 => Turn::Over,
-            _ => Turn::Told,
-        }
     }
 
     /// Whether the trial, or the last one, is of a leg that was right and has changed.
@@ -299,10 +229,10 @@ impl Trial {
     /// Whether the windows are there, and parts of the evidence wait to be made.
     #[inline]
     pub(super) fn is_ready(&self) -> bool {
-        self.task == Task::Trial && usize::from(self.taken) >= WINDOWS
+        self.running && usize::from(self.taken) >= WINDOWS
     }
 
-    /// Takes in a sample of a leg on trial or watched, and the rows of the window that it has closed.
+    /// Takes in a sample of a leg on trial, and the rows of the window that it has closed.
     #[inline(never)]
     pub(super) fn see<T: Real>(
         &mut self,
@@ -362,9 +292,6 @@ impl Trial {
             let scale = 1.0 / (seconds * seconds);
             sums[0] += by * by * scale;
             sums[1] += by * travel * scale;
-        }
-        if self.task == Task::Watch {
-            return;
         }
         let spacing = SPACING_US[usize::from(self.attempts > 0)];
         if from < notes.taken_us.saturating_add(spacing) && self.taken > 0 && from > notes.taken_us
@@ -494,11 +421,11 @@ impl Trial {
         let before = self.known;
         if !open {
             self.known = wiring;
-            self.task = Task::Nothing;
+            self.running = false;
         } else if self.changed {
             // It was right, and no fault explains what it has become: its physics has changed.
             self.known = Wiring::Right;
-            self.task = Task::Nothing;
+            self.running = false;
         } else {
             // The ground's forces explain that nothing is found: the hello tells of them already.
             if self.attempts > 0 && !carried {
