@@ -17,10 +17,6 @@ const ROWS: &[(&str, &[&str])] = &[
         "instructions per tick while every leg's wiring is on trial: mean; worst",
         &["trial_tick_mean", "trial_tick_worst"],
     ),
-    (
-        "instructions per tick while right legs' velocities are watched: mean",
-        &["watched_tick_mean"],
-    ),
     ("a polling cycle's bytes to frames", &["decode_cycle"]),
     (
         "a sample into the window; one that closes it",

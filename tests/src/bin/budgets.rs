@@ -225,15 +225,11 @@ fn tick(
     Ok(())
 }
 
-/// Instructions per tick from the zeros of all four legs on, which are on trial until the device has found that their wiring is right; and then, their
-/// velocities being watched.
+/// Instructions per tick from the zeros of all four legs on, which are on trial until the device has found that their wiring is right.
 fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
-    let (last, wiring) = (
-        Cell::new(Counters::default()),
-        Cell::new([Wiring::Untested; LEGS]),
-    );
+    let (mut last, wiring) = (Counters::default(), Cell::new([Wiring::Untested; LEGS]));
     let mut hear = |message| match message {
-        DeviceMessage::Counters(counters) => last.set(counters),
+        DeviceMessage::Counters(counters) => last = counters,
         DeviceMessage::Hello(hello) => wiring.set(hello.wiring),
         _ => {}
     };
@@ -241,19 +237,15 @@ fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
     let sample = |leg: Leg, n: u64| motion::sample(leg, begins[leg.index()] + n);
     let mut board = Qemu::boot_fast(&image::build(scalar)?)?;
     let angles = Leg::ALL.map(|leg| sample(leg, 0).q);
-    let begin_us = zeros::set_where_it_rests(&mut board, &angles, &mut hear)?;
-    let steps = |n: u64| {
-        let instant = Leg::ALL.map(|leg| Some(sample(leg, n)));
-        bus_step(begin_us + n * motion::SAMPLE_US, &instant)
-    };
+    let mut time_us = zeros::set_where_it_rests(&mut board, &angles, &mut hear)?;
     let right = [Wiring::Right; LEGS];
-    let mut samples = 0;
-    while samples < TRIAL && wiring.get() != right {
-        board.play(&steps(samples)?, &mut hear)?;
-        samples += 1;
+    for n in (0..TRIAL).take_while(|_| wiring.get() != right) {
+        let instant = Leg::ALL.map(|leg| Some(sample(leg, n)));
+        board.play(&bus_step(time_us, &instant)?, &mut hear)?;
+        time_us += motion::SAMPLE_US;
     }
     board.settle(&mut hear)?;
-    if wiring.get() != right || last.get().legs.iter().any(|leg| leg.tried == 0) {
+    if wiring.get() != right || last.legs.iter().any(|leg| leg.tried == 0) {
         let heard = wiring.get();
         return Err(format!("the legs of the board are to be right: {heard:?}").into());
     }
@@ -262,29 +254,9 @@ fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
         worst,
         total,
         ..
-    } = last.get().load;
+    } = last.load;
     figures.insert("trial_tick_worst".into(), u64::from(worst));
     figures.insert("trial_tick_mean".into(), total / u64::from(ticks));
-    for n in samples..samples + SAMPLES {
-        board.play(&steps(n)?, &mut hear)?;
-    }
-    board.settle(&mut hear)?;
-    if wiring.get() != right {
-        return Err(format!(
-            "the legs of the board are to stay right: {:?}",
-            wiring.get()
-        )
-        .into());
-    }
-    let Load {
-        ticks: later,
-        total: more,
-        ..
-    } = last.get().load;
-    figures.insert(
-        "watched_tick_mean".into(),
-        (more - total) / u64::from(later - ticks),
-    );
     Ok(())
 }
 
