@@ -190,7 +190,7 @@ fn what_cannot_be_is_refused_before_a_device_hears_of_it() {
     refused(
         &["zero", "none", "--reversed", "FR_hip"],
         2,
-        "not where it is",
+        "without its angle",
     );
     refused(&["zero", "none", "--pose", "hips-out"], 1, "none");
     refused(&["zero", "sim", "--same-power-up"], 1, "kept no zeros");
