@@ -100,10 +100,13 @@ impl Before {
 }
 
 /// A cubic's state `s` seconds later.
+// A product with a constant: the smoother spends its time here, and a division takes that of several.
+#[inline]
 pub(super) fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
+    const SIXTH: f64 = 1.0 / 6.0;
     [
-        q + s * (dq + s * (ddq / 2.0 + s * jerk / 6.0)),
-        dq + s * (ddq + s * jerk / 2.0),
+        q + s * (dq + s * (0.5 * ddq + SIXTH * (s * jerk))),
+        dq + s * (ddq + 0.5 * (s * jerk)),
         ddq + s * jerk,
         jerk,
     ]

@@ -134,7 +134,11 @@ impl Trajectory {
             // Where the joint turns is told better once it is smooth.
             let smooth = smoother.once(stretch, &[]);
             let about = kinks_about(&smooth, &turns(&smooth, first), FIRST_SLOW * fast);
-            let smooth = smoother.once(stretch, &about);
+            // Without a turn it is smooth as it is.
+            let smooth = match about.is_empty() {
+                true => smooth,
+                false => smoother.once(stretch, &about),
+            };
             let about = kinks_about(&smooth, &turns(&smooth, first), SLOW_ABOUT * fast);
             let jump = |kink: &Kink| kink.jump(stretch.t, &smooth);
             jumps.extend(about.iter().filter_map(jump));
@@ -151,7 +155,8 @@ impl Trajectory {
                 break;
             }
             jumps.clear();
-            for (stretch, kinks) in stretches.iter().zip(&kinks) {
+            let turning = stretches.iter().zip(&kinks);
+            for (stretch, kinks) in turning.filter(|(_, kinks)| !kinks.is_empty()) {
                 let smooth = smoother.once(stretch, kinks);
                 let jump = |kink: &Kink| kink.jump(stretch.t, &smooth);
                 jumps.extend(kinks.iter().filter_map(jump));

@@ -8,8 +8,9 @@ use super::kinks::Kink;
 /// The smoother of one joint. Its clock runs in units of 1/ω_c, so that all its numbers are of the order of one.
 pub(super) struct Smoother {
     channels: Channels,
-    /// Length of a unit of time, s.
+    /// Length of a unit of time, s, and one over that.
     unit: f64,
+    rate: f64,
     /// Variance of a velocity, (rad per unit)².
     velocity_noise: f64,
     /// Intensity of the snap's white noise.
@@ -34,14 +35,15 @@ type State = [f64; 4];
 struct Filtered {
     state: State,
     covariance: Covariance,
-    /// Of its position and of its velocity: the gain, the innovation's variance, and the innovation over that.
+    /// Of its position and of its velocity: the gain, how sure the innovation is, and the innovation over its variance.
     channels: [Innovation; 2],
 }
 
 #[derive(Clone, Copy, Default)]
 struct Innovation {
     gain: State,
-    variance: f64,
+    /// One over the innovation's variance.
+    certainty: f64,
     scaled: f64,
 }
 
@@ -67,6 +69,7 @@ impl Smoother {
             intensity: density,
             channels,
             unit,
+            rate: omega,
             velocity_noise,
             passed: Vec::new(),
         }
@@ -112,13 +115,15 @@ impl Smoother {
             dq: &dq,
         };
         let mut state = self.first(&rest);
-        for k in 0..self.passed.len() {
+        let mut passed = std::mem::take(&mut self.passed);
+        for (k, own) in passed.iter_mut().enumerate() {
             if k > 0 {
                 state = moved(&state, self.step(&rest, k));
-                state = self.corrected(&rest, k, state);
+                state = self.corrected(&rest, k, state, &mut own.channels);
             }
-            self.passed[k].state = state;
+            own.state = state;
         }
+        self.passed = passed;
         let more = self.back(&rest);
         for (state, more) in smooth.iter_mut().zip(&more) {
             state.iter_mut().zip(more).for_each(|(x, more)| *x += more);
@@ -137,7 +142,7 @@ impl Smoother {
             let mut channels = [Innovation::default(); 2];
             if k > 0 {
                 // The noisy velocity tells well enough how fast the joint is.
-                let speed = state[1] / self.unit;
+                let speed = state[1] * self.rate;
                 let position =
                     self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
                 let step = self.step(s, k);
@@ -148,24 +153,27 @@ impl Smoother {
                     covariance.jump(self.jump, left * step);
                 }
                 for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
-                    (channels[n].gain, channels[n].variance) = covariance.observed(n, noise);
+                    let (gain, certainty) = covariance.observed(n == 0, noise);
+                    channels[n] = Innovation {
+                        gain,
+                        certainty,
+                        scaled: 0.0,
+                    };
                 }
+                state = self.corrected(s, k, state, &mut channels);
             }
             self.passed.push(Filtered {
                 state,
                 covariance,
                 channels,
             });
-            if k > 0 {
-                state = self.corrected(s, k, state);
-                self.passed[k].state = state;
-            }
         }
     }
 
     /// Time since the sample before, in units.
+    #[inline]
     fn step(&self, s: &Stretch, k: usize) -> f64 {
-        (s.t[k] - s.t[k - 1]) / self.unit
+        (s.t[k] - s.t[k - 1]) * self.rate
     }
 
     /// The first sample: positions count from it.
@@ -174,11 +182,18 @@ impl Smoother {
     }
 
     /// The state that was predicted for sample k with what its own channels say.
-    fn corrected(&mut self, s: &Stretch, k: usize, mut state: State) -> State {
+    #[inline]
+    fn corrected(
+        &self,
+        s: &Stretch,
+        k: usize,
+        mut state: State,
+        channels: &mut [Innovation; 2],
+    ) -> State {
         let measured = [s.q[k] - s.q[0], s.dq[k] * self.unit];
-        for (n, (own, measured)) in (self.passed[k].channels.iter_mut().zip(measured)).enumerate() {
+        for (n, (own, measured)) in (channels.iter_mut().zip(measured)).enumerate() {
             let innovation = measured - state[n];
-            own.scaled = innovation / own.variance;
+            own.scaled = innovation * own.certainty;
             (0..4).for_each(|i| state[i] += own.gain[i] * innovation);
         }
         state
@@ -188,7 +203,7 @@ impl Smoother {
     /// smoothing with discrete measurements", after Bryson and Frazier), which inverts no covariance.
     fn back(&self, s: &Stretch) -> Vec<[f64; 4]> {
         let mut smooth = vec![[0.0; 4]; self.passed.len()];
-        let rate = 1.0 / self.unit;
+        let rate = self.rate;
         let scale = [1.0, rate, rate * rate, rate * rate * rate];
         let mut adjoint = [0.0; 4];
         for (k, own) in self.passed.iter().enumerate().rev() {
@@ -213,67 +228,115 @@ impl Smoother {
     }
 }
 
-/// The covariance of a state: symmetric, so that the entries on and above the diagonal are all that is kept up.
+/// The covariance of a state, position p, velocity v, acceleration a and jerk j: symmetric, so that the entries on and above the diagonal are all
+/// that is kept up.
+// Written out, and with divisions by constants only: a long log passes here several times for each sample of each joint.
 #[derive(Clone, Copy)]
-struct Covariance([State; 4]);
+struct Covariance {
+    pp: f64,
+    pv: f64,
+    pa: f64,
+    pj: f64,
+    vv: f64,
+    va: f64,
+    vj: f64,
+    aa: f64,
+    aj: f64,
+    jj: f64,
+}
 
 impl Covariance {
     fn diagonal(variance: f64) -> Self {
-        let entry = |i, j| if i == j { variance } else { 0.0 };
-        Self(std::array::from_fn(|i| {
-            std::array::from_fn(|j| entry(i, j))
-        }))
+        Self {
+            pp: variance,
+            pv: 0.0,
+            pa: 0.0,
+            pj: 0.0,
+            vv: variance,
+            va: 0.0,
+            vj: 0.0,
+            aa: variance,
+            aj: 0.0,
+            jj: variance,
+        }
     }
 
     /// After a time h without a measurement: F P Fᵀ + Q with F the motion of constant jerk and Q what white snap of this intensity adds,
     /// ∫ g gᵀ dt with g the motion after a unit of jerk.
+    #[inline]
     fn moved_on(&self, h: f64, intensity: f64) -> Self {
-        let columns: [State; 4] = std::array::from_fn(|j| moved(&self.column(j), h));
-        let row = |i: usize| moved(&columns.map(|column| column[i]), h);
-        let mut next: [State; 4] = std::array::from_fn(row);
-        let (q, h2) = (intensity * h, h * h);
-        let (h3, h4) = (h * h2, h2 * h2);
-        let noise = [
-            [h2 * h4 / 252.0, h * h4 / 72.0, h4 / 30.0, h3 / 24.0],
-            [0.0, h4 / 20.0, h3 / 8.0, h2 / 6.0],
-            [0.0, 0.0, h2 / 3.0, h / 2.0],
-            [0.0, 0.0, 0.0, 1.0],
-        ];
-        for (row, noise) in next.iter_mut().zip(noise) {
-            row.iter_mut().zip(noise).for_each(|(x, n)| *x += q * n);
+        let (f1, f2) = (h, h * h * (1.0 / 2.0));
+        let f3 = f2 * h * (1.0 / 3.0);
+        // F P on and above the diagonal.
+        let jj = self.jj;
+        let aj = self.aj + f1 * jj;
+        let aa = self.aa + f1 * self.aj;
+        let vj = self.vj + f1 * self.aj + f2 * jj;
+        let va = self.va + f1 * self.aa + f2 * self.aj;
+        let vv = self.vv + f1 * self.va + f2 * self.vj;
+        let pj = self.pj + f1 * self.vj + f2 * self.aj + f3 * jj;
+        let pa = self.pa + f1 * self.va + f2 * self.aa + f3 * self.aj;
+        let pv = self.pv + f1 * self.vv + f2 * self.va + f3 * self.vj;
+        let pp = self.pp + f1 * self.pv + f2 * self.pa + f3 * self.pj;
+        let q = intensity * h;
+        let (q1, q2) = (q * h, q * (h * h));
+        let (q3, q4) = (q1 * (h * h), q2 * (h * h));
+        let (q5, q6) = (q3 * (h * h), q4 * (h * h));
+        Self {
+            pp: pp + f1 * pv + f2 * pa + f3 * pj + q6 * (1.0 / 252.0),
+            pv: pv + f1 * pa + f2 * pj + q5 * (1.0 / 72.0),
+            pa: pa + f1 * pj + q4 * (1.0 / 30.0),
+            pj: pj + q3 * (1.0 / 24.0),
+            vv: vv + f1 * va + f2 * vj + q4 * (1.0 / 20.0),
+            va: va + f1 * vj + q3 * (1.0 / 8.0),
+            vj: vj + q2 * (1.0 / 6.0),
+            aa: aa + f1 * aj + q2 * (1.0 / 3.0),
+            aj: aj + q1 * (1.0 / 2.0),
+            jj: jj + q,
         }
-        Self(next)
     }
 
     /// After the acceleration has jumped, with this variance, a time h ago.
     fn jump(&mut self, variance: f64, h: f64) {
-        let moved = [0.5 * h * h, h, 1.0];
-        for i in 0..3 {
-            for j in i..3 {
-                self.0[i][j] += variance * moved[i] * moved[j];
-            }
-        }
+        let p = 0.5 * h * h;
+        self.pp += variance * p * p;
+        self.pv += variance * p * h;
+        self.pa += variance * p;
+        self.vv += variance * h * h;
+        self.va += variance * h;
+        self.aa += variance;
     }
 
-    /// Takes in a measurement of entry n with this noise; its gain, and the variance of its innovation.
-    fn observed(&mut self, n: usize, noise: f64) -> (State, f64) {
-        let column = self.column(n);
-        let variance = column[n] + noise;
-        let gain = column.map(|c| c / variance);
-        for i in 0..4 {
-            for j in i..4 {
-                self.0[i][j] -= gain[i] * column[j];
-            }
-        }
-        (gain, variance)
+    /// Takes in a measurement of the position, or else of the velocity, with this noise; its gain, and one over the variance of its innovation.
+    #[inline]
+    fn observed(&mut self, is_position: bool, noise: f64) -> (State, f64) {
+        let column = match is_position {
+            true => [self.pp, self.pv, self.pa, self.pj],
+            false => [self.pv, self.vv, self.va, self.vj],
+        };
+        let variance = if is_position { self.pp } else { self.vv } + noise;
+        let certainty = 1.0 / variance;
+        let gain = column.map(|c| c * certainty);
+        self.pp -= gain[0] * column[0];
+        self.pv -= gain[0] * column[1];
+        self.pa -= gain[0] * column[2];
+        self.pj -= gain[0] * column[3];
+        self.vv -= gain[1] * column[1];
+        self.va -= gain[1] * column[2];
+        self.vj -= gain[1] * column[3];
+        self.aa -= gain[2] * column[2];
+        self.aj -= gain[2] * column[3];
+        self.jj -= gain[3] * column[3];
+        (gain, certainty)
     }
 
-    fn times(&self, x: &State) -> State {
-        std::array::from_fn(|i| self.column(i).iter().zip(x).map(|(p, x)| p * x).sum())
-    }
-
-    /// A column, or a row.
-    fn column(&self, n: usize) -> State {
-        std::array::from_fn(|i| self.0[i.min(n)][i.max(n)])
+    #[inline]
+    fn times(&self, &[p, v, a, j]: &State) -> State {
+        [
+            self.pp * p + self.pv * v + self.pa * a + self.pj * j,
+            self.pv * p + self.vv * v + self.va * a + self.vj * j,
+            self.pa * p + self.va * v + self.aa * a + self.aj * j,
+            self.pj * p + self.vj * v + self.aj * a + self.jj * j,
+        ]
     }
 }
