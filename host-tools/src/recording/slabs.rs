@@ -3,6 +3,7 @@
 //! Memory is that of one slab. Nothing is thinned: all of a log counts.
 
 use std::path::PathBuf;
+use std::sync::mpsc;
 
 use super::{LimbRecording, MOST_SAMPLES, Pass, Recording, RecordingError};
 use crate::model::{Limb, Model};
@@ -77,7 +78,7 @@ impl Cutter<'_> {
 
 impl Recording {
     /// Reads logs of the robot of `model`, one after the other, and hands them on slab by slab, none longer than [`MOST_SAMPLES`] or than what is
-    /// left of a block of `block` seconds. `progress` receives the bytes read of a log and how many it has in all. The result is the stamp of each
+    /// left of a block of `block` seconds; the next one is read while `each` works. `progress` receives the bytes read of a log and how many it has in all. The result is the stamp of each
     /// log's first row, s, and the recording without samples: its length, gates and warnings.
     ///
     /// # Errors
@@ -86,26 +87,36 @@ impl Recording {
         logs: &[PathBuf],
         model: &Model,
         block: f64,
-        each: &mut dyn FnMut(Slab),
+        each: &mut (dyn FnMut(Slab) + Send),
         mut progress: impl FnMut(u64, u64),
     ) -> Result<(Vec<f64>, Self), RecordingError> {
-        let mut pass = Pass {
-            cutter: Some(Cutter {
-                block_us: ((1e6 * block) as u64).max(1),
-                log: 0,
-                block: 0,
-                firsts: Vec::new(),
-                each,
-            }),
-            ..Pass::new(logs, model)
-        };
-        for log in logs {
-            pass.read(log, &mut progress)?;
-        }
-        let firsts = pass.cutter.map_or(Vec::new(), |cutter| cutter.firsts);
-        let left_out = pass.too_large.iter().map(super::left_out);
-        let mut recording = pass.recording;
-        recording.warnings.extend(left_out);
+        let (firsts, mut recording, too_large) = std::thread::scope(|scope| {
+            // Nothing waits between the two, so that memory is that of a slab which is read and of one that is worked on.
+            let (whole, slabs) = mpsc::sync_channel(0);
+            scope.spawn(move || slabs.into_iter().for_each(each));
+            let mut hand_on = |slab| {
+                // Where nobody takes it `each` has panicked, which the scope passes on.
+                let _ = whole.send(slab);
+            };
+            let mut pass = Pass {
+                cutter: Some(Cutter {
+                    block_us: ((1e6 * block) as u64).max(1),
+                    log: 0,
+                    block: 0,
+                    firsts: Vec::new(),
+                    each: &mut hand_on,
+                }),
+                ..Pass::new(logs, model)
+            };
+            for log in logs {
+                pass.read(log, &mut progress)?;
+            }
+            let firsts = pass.cutter.map_or(Vec::new(), |cutter| cutter.firsts);
+            Ok::<_, RecordingError>((firsts, pass.recording, pass.too_large))
+        })?;
+        recording
+            .warnings
+            .extend(too_large.iter().map(super::left_out));
         Ok((firsts, recording))
     }
 }
