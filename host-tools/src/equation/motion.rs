@@ -58,9 +58,9 @@ pub(crate) struct Window {
     pub(crate) block: usize,
     /// First and last sample.
     pub(crate) samples: [usize; 2],
-    /// Whether each joint moves: the torque of one at rest is whatever friction holds. By velocities as they were reported, so that the same
-    /// windows are judged whatever scale a model gives them.
-    pub(crate) moves: Vec<bool>,
+    /// Whether each joint is judged: it moves, for the torque of one at rest is whatever friction holds, and is not at an end of its motion, where
+    /// that is not followed. By velocities as they were reported, so that the same windows are judged whatever scale a model gives them.
+    pub(crate) told: Vec<bool>,
 }
 
 /// The samples that are asked for: all where not told, else no one before or after the range.
@@ -146,8 +146,8 @@ impl Motion {
             // A series holds nothing out.
             block: 0,
             samples: [k - 1, k + 1],
-            moves: (reported.iter())
-                .map(|joint| motion.moves(joint, k - 1, k + 1))
+            told: (reported.iter())
+                .map(|joint| motion.is_told(joint, k - 1, k + 1))
                 .collect(),
         };
         motion.windows = (recording.stretches().flat_map(inner).map(around)).collect();
@@ -177,8 +177,8 @@ impl Motion {
                         length: self.time[k] - self.time[first],
                         block,
                         samples: [first, k],
-                        moves: (reported.iter())
-                            .map(|joint| self.moves(joint, first, k))
+                        told: (reported.iter())
+                            .map(|joint| self.is_told(joint, first, k))
                             .collect(),
                     });
                 }
@@ -202,6 +202,13 @@ impl Motion {
         ]
     }
 
+    /// Share of a window for which nothing is known of the friction of a joint that turns round within: as long as it may be held, and the period
+    /// between the samples about the turn, of which each has the friction of its own moment.
+    pub(crate) fn turning(window: &Window) -> f64 {
+        let [first, last] = window.samples;
+        MOST_REST.max(1.0 / (last - first).max(1) as f64)
+    }
+
     /// How long what is before a window's end was seen without a gap when the window begins, s.
     pub(crate) fn seen_before(&self, window: &Window) -> f64 {
         let first = window.samples[0];
@@ -214,6 +221,22 @@ impl Motion {
     pub(crate) fn positions(&self, joint: usize) -> [f64; 2] {
         let q = || self.joint[joint].state.iter().map(|state| state[0]);
         [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)]
+    }
+
+    /// Whether a joint's motion between two samples tells of its torque.
+    fn is_told(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
+        self.is_followed(joint, first, last) && self.moves(joint, first, last)
+    }
+
+    /// Whether the ends of its motion are far enough away.
+    fn is_followed(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
+        let stretch = self.stretches.partition_point(|s| s.end <= first);
+        let Some(stretch) = self.stretches.get(stretch) else {
+            return false;
+        };
+        let (start, end) = (self.time[stretch.start], self.time[stretch.end - 1]);
+        let ends = joint.ends(end - start);
+        self.time[first] - start >= ends && end - self.time[last] >= ends
     }
 
     /// Whether a joint is not held up for long between two samples.

@@ -62,7 +62,7 @@ mod tests {
                 length: last - first,
                 block: 0,
                 samples,
-                moves: vec![true],
+                told: vec![true],
             }
         };
         Motion {

@@ -1,8 +1,8 @@
 //! A limb's rows, weighed as their noise is and folded into factors.
 //!
 //! Neighbours are whitened for the edge that they share ([`super::whitening`]), and those in which a joint turns round are weighed by
-//! what is not known of its friction meanwhile. Evenly likely between the two limits for the share of a window that a held joint may
-//! rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands alone, and the chain of correlated
+//! what is not known of its friction meanwhile. Evenly likely between the two limits for the share of a window in which nothing is known of it
+//! ([`Motion::turning`]), the friction's standard deviation is jump × share / √3; such a row stands alone, and the chain of correlated
 //! rows starts anew after it.
 
 use super::blocks::BlockFactors;
@@ -10,7 +10,7 @@ use super::factor::{BATCH, HeapFactor};
 use super::limb_data::LimbData;
 use super::whitening::Whitening;
 use crate::equation::column::{Column, Columns};
-use crate::equation::motion::MOST_REST;
+use crate::equation::motion::Motion;
 use crate::equation::reversal::DryFriction;
 use crate::equation::rows::Rows;
 use crate::parallel::by_number;
@@ -57,7 +57,7 @@ impl Folding<'_> {
         for (w, window) in data.motion.windows.iter().enumerate() {
             for j in (0..n).filter(|&j| data.counts(w, j)) {
                 let (columns, own) = (&self.columns.of_joint[j], &own[j]);
-                let rest = friction.jump(window, j) * MOST_REST / 3f64.sqrt();
+                let rest = friction.jump(window, j) * Motion::turning(window) / 3f64.sqrt();
                 let excess = excess(columns, own, self.rows.row(w, j));
                 doubt[w * n + j] = rest.max(excess) / self.noise[j];
             }

@@ -80,16 +80,39 @@ impl Smoother {
         self.between = true;
     }
 
-    /// Lets the acceleration jump by as much as it is found to where the joint turns round, rad/s²; whether that is clearly less than it might before.
-    pub(super) fn jumps_shrink(&mut self, jumps: &[f64]) -> bool {
+    /// Lets the acceleration jump by as much as friction that turns round is found to let it, rad/s², and not at all where that is below `least`;
+    /// whether it is clearly less than it might before.
+    ///
+    /// In the mean: noise, and what smoothing leaves out of a fast motion about a place at which it may jump, are of either sign.
+    pub(super) fn jumps_shrink(&mut self, jumps: &[f64], least: f64) -> bool {
         if jumps.is_empty() {
             return false;
         }
-        let squares: f64 = jumps.iter().map(|jump| jump * jump).sum();
-        let found = squares / jumps.len() as f64 * self.unit.powi(4);
+        let mean = jumps.iter().sum::<f64>() / jumps.len() as f64;
+        let found = if mean > least { mean } else { 0.0 };
+        let found = (found * self.unit * self.unit).powi(2);
         let shrinks = found < CLEARLY * self.jump;
         self.jump = found;
         shrinks
+    }
+
+    /// Lets the acceleration jump nowhere.
+    pub(super) fn jumps_nowhere(&mut self) {
+        self.jump = 0.0;
+    }
+
+    /// How far the channels of a stretch are from a `smooth` motion: the sum of squares of what is left, in units of each channel's noise.
+    pub(super) fn misfit(&self, s: &Stretch, smooth: &[[f64; 4]]) -> f64 {
+        let at = |(k, [q, dq, ..]): (usize, &[f64; 4])| {
+            let velocity = (s.dq[k] - dq) * self.unit;
+            (s.q[k] - q).powi(2) / self.position_noise(*dq) + velocity.powi(2) / self.velocity_noise
+        };
+        smooth.iter().enumerate().map(at).sum()
+    }
+
+    /// Variance of a position at this speed, rad/s.
+    fn position_noise(&self, speed: f64) -> f64 {
+        self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2)
     }
 
     /// Position, velocity, acceleration and jerk at each sample of a stretch; the acceleration may jump at the `kinks`.
@@ -119,8 +142,8 @@ impl Smoother {
         for (k, own) in passed.iter_mut().enumerate() {
             if k > 0 {
                 state = moved(&state, self.step(&rest, k));
-                state = self.corrected(&rest, k, state, &mut own.channels);
             }
+            state = self.corrected(&rest, k, state, &mut own.channels);
             own.state = state;
         }
         self.passed = passed;
@@ -140,11 +163,9 @@ impl Smoother {
         self.passed.reserve(s.t.len());
         for k in 0..s.t.len() {
             let mut channels = [Innovation::default(); 2];
+            // The noisy velocity tells well enough how fast the joint is.
+            let position = self.position_noise(state[1] * self.rate);
             if k > 0 {
-                // The noisy velocity tells well enough how fast the joint is.
-                let speed = state[1] * self.rate;
-                let position =
-                    self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
                 let step = self.step(s, k);
                 state = moved(&state, step);
                 covariance = covariance.moved_on(step, self.intensity);
@@ -152,16 +173,16 @@ impl Smoother {
                     let left = if self.between { kink.left } else { 0.0 };
                     covariance.jump(self.jump, left * step);
                 }
-                for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
-                    let (gain, certainty) = covariance.observed(n == 0, noise);
-                    channels[n] = Innovation {
-                        gain,
-                        certainty,
-                        scaled: 0.0,
-                    };
-                }
-                state = self.corrected(s, k, state, &mut channels);
             }
+            for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
+                let (gain, certainty) = covariance.observed(n == 0, noise);
+                channels[n] = Innovation {
+                    gain,
+                    certainty,
+                    scaled: 0.0,
+                };
+            }
+            state = self.corrected(s, k, state, &mut channels);
             self.passed.push(Filtered {
                 state,
                 covariance,
