@@ -106,6 +106,53 @@ fn what_yields_is_named_and_other_poses_are_predicted() {
     assert!(all > 80 && share >= 0.93, "{within} of {all}");
 }
 
+/// A controller that takes zeros alone: of wrong zeros these are all that is found and written, a number a joint; of wrong frames they are the best zeros.
+#[test]
+fn zeros_alone_for_controllers_that_take_no_more() {
+    let wrong_zeros = [
+        "--geometry-error",
+        "0,0",
+        "--hide",
+        "joint_offset:A3=0.003",
+        "--hide",
+        "joint_offset:A5=-0.004",
+    ];
+    for (more, at_most) in [(&wrong_zeros[..], 0.07), (&hidden(&SOFT)[..], 3.0)] {
+        let folder = arm();
+        let folder = folder.path();
+        measured(folder, 40, "1", more);
+        let found = calibrated(folder, &["--only", "offsets", "-o", "out.toml"]);
+        assert_eq!(steps(&found), ["joint_offset"]);
+        let written = fs::read_to_string(folder.join("out.toml")).unwrap();
+        let (_, written) = written.split_once("[kinematics.").unwrap();
+        let numbers = written.lines().filter(|line| line.contains("{ value = "));
+        let joints = 1 + written.matches("[kinematics.").count();
+        assert_eq!((numbers.count(), joints), (5, 5), "{written}");
+        let compared = done(
+            folder,
+            &["compare", "others.csv", "-m", "out.toml", "--json"],
+        );
+        let error = json(&compared)["rms"].as_f64().unwrap();
+        println!("{error} mm at other poses");
+        assert!(error < at_most, "{error} mm");
+        if more != wrong_zeros {
+            continue;
+        }
+        let values = found["parameters"].as_array().unwrap();
+        for (name, truth) in [
+            ("ry:link_geometry:A3", 0.003),
+            ("ry:link_geometry:A5", -0.004),
+        ] {
+            let own = values.iter().find(|value| value["name"] == name).unwrap();
+            let wrong = own["value"].as_f64().unwrap() - truth;
+            assert!(
+                wrong.abs() < 2.5 * own["std"].as_f64().unwrap(),
+                "{own}: {truth}"
+            );
+        }
+    }
+}
+
 /// An arm as described has nothing added, whatever the noise.
 #[test]
 fn nothing_is_missing_from_a_complete_arm() {

@@ -157,6 +157,64 @@ fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
     );
 }
 
+/// Springs that sag under gravity, swing and lag are the same three numbers: what poses, responses and a slow log each measure stands in the file under one
+/// name, and what agrees is combined. Nothing sags about a vertical axis.
+#[test]
+fn one_spring_has_three_witnesses() {
+    let folder = folder();
+    let folder = folder.path();
+    frf_arm(folder);
+    let simulate = "simulate --frf -m arm.toml --slow slow.csv -o frf.csv --seed 1";
+    done(
+        folder,
+        &[&simulate.split(' ').collect::<Vec<_>>()[..], &ARM].concat(),
+    );
+    let truth = [("yaw", 3000.0), ("shoulder", 4000.0), ("elbow", 900.0)];
+    let mut words = "simulate --poses 40 -m arm.toml --seed 1 -o poses.csv"
+        .split(' ')
+        .map(str::to_owned)
+        .collect::<Vec<_>>();
+    for (joint, k) in truth {
+        words.extend(["--hide".to_owned(), format!("elasticity:{joint}={k}")]);
+    }
+    done(
+        folder,
+        &words.iter().map(String::as_str).collect::<Vec<_>>(),
+    );
+    identified_slowly(folder);
+    for words in [
+        "calibrate poses.csv -m fitted.toml -o sagged.toml",
+        "frf frf.csv -m sagged.toml --apply",
+        "identify slow.csv -m sagged.toml -o again.toml",
+    ] {
+        done(folder, &words.split(' ').collect::<Vec<_>>());
+    }
+    let shown = json(&done(folder, &["show", "again.toml", "--json"]));
+    let all = shown["witnesses"].as_array().unwrap();
+    for (joint, k) in truth {
+        let name = format!("elasticity:{joint}");
+        let own = all.iter().find(|own| own["name"] == *name).unwrap();
+        let measured = own["measured"].as_array().unwrap();
+        let by: Vec<&Value> = measured.iter().map(|own| &own["by"]).collect();
+        let sags = joint != "yaw";
+        let witnesses: &[&str] = if sags {
+            &["motion", "poses", "responses"]
+        } else {
+            &["motion", "responses"]
+        };
+        assert_eq!(by, witnesses, "{own}");
+        assert_eq!(own["agree"], true, "{own}");
+        for one in &measured[1..] {
+            let wrong = number(&one["value"]) - 1.0 / k;
+            assert!(wrong.abs() < 2.5 * number(&one["std"]), "{own}");
+            assert!(number(&own["std"]) < number(&one["std"]), "{own}");
+        }
+        let combined = number(&own["value"]) * k - 1.0;
+        println!("{name}: {:+.2} %", 100.0 * combined);
+        assert!(combined.abs() < 0.006, "{own}");
+    }
+}
+
 /// A log of multisines beyond the antiresonances is of no other robot: `diagnose` and `compare` name `frf`. Of stiff joints they do not.
 #[test]
 fn an_elastic_robot_is_sent_to_frf() {

@@ -113,14 +113,14 @@ pub fn joint_positions(path: &Path, model: &Model) -> Result<Vec<Vec<f64>>, Cali
             .map(|(_, cell)| (*cell, Need::Always))
             .collect())
     })?;
-    let row = |row: &Vec<f64>| {
+    let row = |row: Vec<f64>| {
         let mut q = vec![0.0; robot.bodies().len()];
         for (&(joint, _), value) in joints.iter().zip(row) {
-            q[joint] = *value;
+            q[joint] = value;
         }
         q
     };
-    Ok(table.rows.iter().map(row).collect())
+    Ok(table.rows().map(row).collect())
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -316,8 +316,8 @@ impl Poses {
             Ok(found.cells())
         })?;
         let cells: Vec<usize> = found.cells().iter().map(|(cell, _)| *cell).collect();
-        let mut poses: Vec<Pose> = Vec::with_capacity(table.rows.len());
-        for (n, row) in table.rows.iter().enumerate() {
+        let mut poses: Vec<Pose> = Vec::with_capacity(table.count());
+        for (n, row) in table.rows().enumerate() {
             let value = |cell: usize| {
                 let slot = cells.iter().position(|c| *c == cell);
                 slot.map_or(f64::NAN, |slot| row[slot])

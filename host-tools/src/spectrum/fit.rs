@@ -136,12 +136,12 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// Weighted rows of a point's mean, or of one of its blocks, at some lines, as a factor.
+    /// Weighted rows of a point's mean, or of one of its blocks, at some lines, as a factor over a layout's unknowns.
     pub(super) fn factor(
         &self,
-        point: usize,
-        block: Option<usize>,
+        (point, block): (usize, Option<usize>),
         lines: impl Iterator<Item = usize>,
+        layout: &Layout,
         model: &[Derived],
         lacking: f64,
     ) -> HeapFactor {
@@ -191,14 +191,14 @@ impl Problem<'_> {
             }
         }
         fold(&mut factor, &mut rows);
-        factor
+        self.plants[point].over_bodies(layout, factor)
     }
 
     /// Factors of all points' means.
     fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<HeapFactor>> {
         let of_point = |point: usize| {
             let model = self.model(point, layout, x)?;
-            Some(self.factor(point, None, 0..self.used, &model, lacking))
+            Some(self.factor((point, None), 0..self.used, layout, &model, lacking))
         };
         by_number(0..self.points.len(), of_point)
             .into_iter()
@@ -215,7 +215,10 @@ impl Problem<'_> {
         let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
         let of_point = |point: usize| {
             let model = self.model(point, layout, x)?;
-            let factor = |block, lines| (point, self.factor(point, block, lines, &model, lacking));
+            let factor = |block, lines| {
+                let own = self.factor((point, block), lines, layout, &model, lacking);
+                (point, own)
+            };
             let all: Vec<(usize, HeapFactor)> = if blocks > 2 {
                 let blocks = 0..self.points[point].blocks.len();
                 blocks.map(|b| factor(Some(b), 0..self.used)).collect()
@@ -239,7 +242,7 @@ impl Problem<'_> {
     fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<HeapFactor>> {
         let of_point = |p: usize| {
             let model = self.model(p, layout, x)?;
-            let tenth = |k: usize| self.factor(p, None, self.tenth(k), &model, lacking);
+            let tenth = |k: usize| self.factor((p, None), self.tenth(k), layout, &model, lacking);
             Some((0..TENTHS).map(tenth).collect::<Vec<_>>())
         };
         let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
@@ -332,10 +335,9 @@ impl Problem<'_> {
         let first = lacking.unwrap_or(FIRST_ERROR);
         // Bodies are most of the unknowns and nearly right: they are held until the springs are.
         let springs = |x: &Vec<f64>, steps: usize| {
-            let is_body = |of: Unknown| matches!(of, Unknown::Rigid(_));
-            let (own, kept) = layout.holding(x, is_body);
+            let (own, kept) = layout.holding(x, Unknown::is_body);
             let mut state = self.descend(&own, &kept, first, steps);
-            state.x = layout.released(x, &state.x, is_body);
+            state.x = layout.released(x, &state.x, Unknown::is_body);
             state
         };
         let best = (starts.iter())

@@ -5,19 +5,28 @@
 //!
 //! A = s² H + K_g + s diag(F_l) + S,   Z = s² diag(J) + s diag(F_v) + S − S A⁻¹ S,   P = Z⁻¹   (Wernholt & Moberg 2011).
 //!
+//! Motors are eliminated first, for they meet only their own spring: with M = s² J + s F_v, Z₀ = M + S and w = S/Z₀, all diagonal,
+//! the links answer torque by X = B⁻¹ w, B = s² H + K_g + s F_l + M w, and the motors by P = Z₀⁻¹ + w X. One matrix is inverted, and stiff springs do not
+//! cancel.
+//!
 //! A drive that holds its torque for T and samples at the same instants sees the aliases of P times the hold's response:
 //! G(ω) = e^{−jωδ} Σ_a P(s_a) (1 − e^{−jωT})/(s_a T), s_a = j(ω + 2πa/T). P falls as 1/s², so that three terms suffice at low lines and
 //! seven everywhere; no matrix exponential is needed, and derivatives are those of P.
 //!
-//! Links and bearings that bend are further coordinates of the links, without a motor: A has their rows too, with k_e + s d_e on its diagonal, and the
-//! A⁻¹ between the springs is that of A's joints (Moberg & Hanssen 2007, the extended flexible joint model).
+//! Links and bearings that bend are further coordinates of the links, without a motor: B has their rows too, with k_e + s d_e on its diagonal, and X has
+//! their motion (Moberg & Hanssen 2007, the extended flexible joint model).
 //!
-//! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i; to those of a bend w = S A⁻¹ e_b.
+//! A derivative of P is −v vᵀ times a factor: to k and d of joint i v is what the spring is stretched by, (P − X)ᵀ e_i = Z₀⁻¹ (1 − M X)ᵀ e_i, to those of a
+//! bend its motion. Bodies enter by H alone: derivatives to its elements are made, and a factor over these becomes one over bodies ([`Plant::over_bodies`]).
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVectorView};
 use realfft::num_complex::Complex64;
 
 use super::layout::{Layout, Unknown};
+use super::linear::fold;
+use crate::estimate::factor::HeapFactor;
 
 /// Aliases to each side below [`FEW_BELOW`] of the sampling rate, and above: what is left out is (f/f_s)³, 1e-4 and 3e-3 of the response.
 const FEW_ALIASES: i32 = 1;
@@ -37,19 +46,66 @@ pub(super) struct Plant {
     pub(super) rigid: Vec<DMatrix<f64>>,
 }
 
-/// A response and its derivatives to all unknowns of a layout.
+impl Plant {
+    /// What the unknowns of [`Derived`] are made of: a row for each, and one for a right-hand side, over those of a layout with bodies.
+    fn bodies(&self, layout: &Layout) -> DMatrix<f64> {
+        let count = layout.unknowns.len();
+        let plain = layout.unknowns.iter().filter(|u| !u.is_body()).count();
+        let elements: Vec<(usize, usize)> = upper(self.inertia.nrows()).collect();
+        let rows = plain + elements.len();
+        let mut map = DMatrix::zeros(rows + 1, count + 1);
+        map[(rows, count)] = 1.0;
+        let mut next = 0..plain;
+        for (index, unknown) in layout.unknowns.iter().enumerate() {
+            if let Unknown::Rigid(m) = *unknown {
+                for (row, &element) in (plain..).zip(&elements) {
+                    map[(row, index)] = self.rigid[m][element];
+                }
+            } else if let Some(row) = next.next() {
+                map[(row, index)] = 1.0;
+            }
+        }
+        map
+    }
+
+    /// A factor over a layout's unknowns from one over those of [`Derived`]: what H's elements ask of the bodies.
+    pub(super) fn over_bodies(&self, layout: &Layout, own: HeapFactor) -> HeapFactor {
+        if !layout.unknowns.iter().any(|u| u.is_body()) {
+            return own;
+        }
+        // Its columns are the rows of the triangle, one after the other.
+        let mut rows = self.bodies(layout).tr_mul(&own.dense().transpose());
+        let mut all = HeapFactor::new(layout.unknowns.len());
+        fold(&mut all, rows.as_mut_slice());
+        all
+    }
+}
+
+/// The elements of a symmetric matrix on and above its diagonal, row by row.
+fn upper(n: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..n).flat_map(move |i| (i..n).map(move |j| (i, j)))
+}
+
+/// The place of an element of a symmetric matrix among those of [`upper`].
+fn place(n: usize, i: usize, j: usize) -> usize {
+    let (i, j) = (i.min(j), i.max(j));
+    i * (2 * n - i + 1) / 2 + j - i
+}
+
+/// A response and its derivatives: to the unknowns of a layout that are not bodies, in their order, then, if it has bodies, to the elements of H on and
+/// above its diagonal.
 pub(super) struct Derived {
     pub(super) response: DMatrix<Complex64>,
-    /// A row for each unknown, a column for each element of the response.
-    slopes: DMatrix<Complex64>,
+    /// Of each element of the response on and above its diagonal, which is symmetric, the derivatives side by side.
+    slopes: Vec<Complex64>,
+    unknowns: usize,
 }
 
 impl Derived {
-    /// Derivatives of an element to all unknowns.
+    /// Derivatives of an element.
     pub(super) fn slopes(&self, i: usize, j: usize) -> &[Complex64] {
-        let count = self.slopes.nrows();
-        let first = (i + self.response.nrows() * j) * count;
-        &self.slopes.as_slice()[first..first + count]
+        let first = place(self.response.nrows(), i, j) * self.unknowns;
+        &self.slopes[first..first + self.unknowns]
     }
 
     /// Derivatives of what joint i does under some torques.
@@ -58,7 +114,7 @@ impl Derived {
         i: usize,
         torque: DVectorView<'_, Complex64>,
     ) -> Vec<Complex64> {
-        let mut sum = vec![Complex64::default(); self.unknowns()];
+        let mut sum = vec![Complex64::default(); self.unknowns];
         for (j, by) in torque.iter().enumerate() {
             let slopes = self.slopes(i, j);
             sum.iter_mut()
@@ -70,17 +126,33 @@ impl Derived {
 
     /// How many unknowns there are.
     pub(super) fn unknowns(&self) -> usize {
-        self.slopes.nrows()
+        self.unknowns
     }
 }
+
+/// What an unknown moves: the vector v of its derivative −v vᵀ of P.
+#[derive(Clone, Copy)]
+enum Moves {
+    /// What a joint's spring is stretched by.
+    Spring(usize),
+    /// A motor.
+    Motor(usize),
+    /// A link or bend.
+    Link(usize),
+    /// Nothing: a delay.
+    Nothing,
+}
+
+/// An unknown's derivative: what it moves, the power of s in its factor, and the derivative of its SI value to its entry.
+type Slope = (Moves, i32, f64);
 
 /// A point's plant at an entry of a fit: what all lines and aliases have in common.
 #[derive(Clone)]
 pub(super) struct At<'a> {
     plant: &'a Plant,
-    layout: &'a Layout,
-    /// Of each unknown, the derivative of its SI value to its entry.
-    scales: Vec<f64>,
+    /// Of each unknown that is no body.
+    own: Vec<Slope>,
+    has_bodies: bool,
     /// H with what the rigid unknowns make of it.
     inertia: DMatrix<f64>,
     gravity: DMatrix<f64>,
@@ -91,14 +163,74 @@ pub(super) struct At<'a> {
     delay: f64,
 }
 
-/// The matrices at one s.
-struct Blocks {
-    /// A⁻¹, of which the joints' columns are used.
-    inverse: DMatrix<Complex64>,
-    /// P.
-    p: DMatrix<Complex64>,
-    /// diag(S).
-    spring: Vec<Complex64>,
+/// What moves at one s under unit torques: written over from one s to the next.
+struct Motion {
+    /// How many links and bends there are.
+    links: usize,
+    /// B, row by row, then B⁻¹.
+    inverse: Vec<Complex64>,
+    /// Rows that were exchanged on the way.
+    exchanged: Vec<usize>,
+    /// Z₀⁻¹, w and M of each joint.
+    motors: Vec<[Complex64; 3]>,
+    /// X: of each torque, one after the other, the links and bends.
+    x: Vec<Complex64>,
+    /// P, row by row.
+    p: Vec<Complex64>,
+}
+
+impl Motion {
+    fn new(motors: usize, links: usize) -> Self {
+        let zeros = |n: usize| vec![Complex64::default(); n];
+        Self {
+            links,
+            inverse: zeros(links * links),
+            exchanged: vec![0; links],
+            motors: vec![[Complex64::default(); 3]; motors],
+            x: zeros(motors * links),
+            p: zeros(motors * motors),
+        }
+    }
+
+    /// What the links and bends do under the torque of a motor.
+    fn links(&self, motor: usize) -> &[Complex64] {
+        &self.x[motor * self.links..(motor + 1) * self.links]
+    }
+
+    /// B becomes its inverse in place: Gauss–Jordan with exchanged rows (Golub & Van Loan 2013, §3.4). None where it is singular.
+    fn invert(&mut self) -> Option<()> {
+        let n = self.links;
+        let a = &mut self.inverse[..];
+        for c in 0..n {
+            let size = |r: &usize| a[r * n + c].norm_sqr();
+            let pivot = (c..n).max_by(|r, s| size(r).total_cmp(&size(s)))?;
+            self.exchanged[c] = pivot;
+            if pivot != c {
+                (0..n).for_each(|j| a.swap(c * n + j, pivot * n + j));
+            }
+            let by = a[c * n + c].inv();
+            if !by.is_finite() {
+                return None;
+            }
+            a[c * n + c] = Complex64::from(1.0);
+            a[c * n..(c + 1) * n].iter_mut().for_each(|x| *x *= by);
+            let (above, rest) = a.split_at_mut(c * n);
+            let (row, below) = rest.split_at_mut(n);
+            for other in above.chunks_exact_mut(n).chain(below.chunks_exact_mut(n)) {
+                let by = std::mem::take(&mut other[c]);
+                for (x, row) in other.iter_mut().zip(&*row) {
+                    *x -= by * row;
+                }
+            }
+        }
+        for c in (0..n).rev() {
+            let other = self.exchanged[c];
+            if other != c {
+                (0..n).for_each(|i| a.swap(i * n + c, i * n + other));
+            }
+        }
+        Some(())
+    }
 }
 
 /// An alias of ω, as s and the hold's factor.
@@ -123,29 +255,9 @@ fn zeros(n: usize) -> DMatrix<Complex64> {
     DMatrix::zeros(n, n)
 }
 
-/// Adds a multiple of another matrix.
-fn add(to: &mut DMatrix<Complex64>, by: Complex64, other: &DMatrix<Complex64>) {
-    to.zip_apply(other, |to, other| *to += by * other);
-}
-
-/// Subtracts a multiple of a bᵀ from an unknown's derivatives.
-fn outer(
-    slopes: &mut DMatrix<Complex64>,
-    unknown: usize,
-    by: Complex64,
-    a: &[Complex64],
-    b: &[Complex64],
-) {
-    let columns = b.iter().map(|b| by * b);
-    let elements = columns.flat_map(|b| a.iter().map(move |a| a * b));
-    for (slope, element) in slopes.column_mut(unknown).iter_mut().zip(elements) {
-        *slope -= element;
-    }
-}
-
 impl<'a> At<'a> {
     /// The plant with these entries of a layout.
-    pub(super) fn new(plant: &'a Plant, layout: &'a Layout, x: &'a [f64]) -> Self {
+    pub(super) fn new(plant: &'a Plant, layout: &Layout, x: &[f64]) -> Self {
         let n = plant.motors;
         let value = |of: Unknown| layout.value(x, of);
         let mut inertia = plant.inertia.clone();
@@ -166,10 +278,27 @@ impl<'a> At<'a> {
             ]
             .map(value)
         };
+        let slope = |(index, unknown): (usize, &Unknown)| {
+            let (moves, power) = match *unknown {
+                Unknown::Stiffness(i) => (Moves::Spring(i), 0),
+                Unknown::Damping(i) => (Moves::Spring(i), 1),
+                Unknown::Viscous(i) => (Moves::Motor(i), 1),
+                Unknown::Armature(i) => (Moves::Motor(i), 2),
+                Unknown::LinkViscous(i) => (Moves::Link(i), 1),
+                Unknown::LinkInertia => (Moves::Link(0), 2),
+                Unknown::BendStiffness(e) => (Moves::Link(n + e), 0),
+                Unknown::BendDamping(e) => (Moves::Link(n + e), 1),
+                Unknown::Delay => (Moves::Nothing, 1),
+                Unknown::Rigid(_) => return None,
+            };
+            Some((moves, power, layout.scale(x, index)))
+        };
         Self {
             plant,
-            layout,
-            scales: (0..x.len()).map(|index| layout.scale(x, index)).collect(),
+            own: (layout.unknowns.iter().enumerate())
+                .filter_map(slope)
+                .collect(),
+            has_bodies: layout.unknowns.iter().any(|u| u.is_body()),
             inertia,
             gravity: plant.gravity.clone(),
             joints: (0..n).map(joint).collect(),
@@ -180,42 +309,56 @@ impl<'a> At<'a> {
         }
     }
 
-    /// The matrices at s, or none where one is singular.
-    fn blocks(&self, s: Complex64) -> Option<Blocks> {
-        let n = self.joints.len();
-        let springs = self.joints.iter();
-        let spring: Vec<Complex64> = springs.map(|&[k, d, ..]| s * d + k).collect();
-        let mut a = self
-            .inertia
-            .zip_map(&self.gravity, |inertia, gravity| s * s * inertia + gravity);
-        for (i, [.., link_viscous]) in self.joints.iter().enumerate() {
-            a[(i, i)] += spring[i] + s * link_viscous;
-        }
-        for (e, [k, d]) in self.bends.iter().enumerate() {
-            a[(n + e, n + e)] += s * d + k;
-        }
-        let inverse = a.try_inverse()?;
-        let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
-        for (i, &[_, _, viscous, armature, _]) in self.joints.iter().enumerate() {
-            z[(i, i)] += s * s * armature + s * viscous + spring[i];
-        }
-        Some(Blocks {
-            inverse,
-            p: z.try_inverse()?,
-            spring,
-        })
+    fn room(&self) -> Motion {
+        Motion::new(self.joints.len(), self.inertia.nrows())
     }
 
-    /// Goes through the aliases that count at ω with a drive that holds its torque for `dt` and a delay: the matrices at each s, s, and the factor of what
-    /// they give. None where the model is singular.
+    /// What moves at s; none where a matrix is singular.
+    fn motion(&self, s: Complex64, own: &mut Motion) -> Option<()> {
+        let (n, links) = (self.joints.len(), own.links);
+        let square = s * s;
+        // Both are symmetric, so that their columns are their rows.
+        let links_alone = self.inertia.iter().zip(&self.gravity);
+        for (b, (inertia, gravity)) in own.inverse.iter_mut().zip(links_alone) {
+            *b = square * inertia + gravity;
+        }
+        for (i, &[k, d, viscous, armature, link_viscous]) in self.joints.iter().enumerate() {
+            let (spring, alone) = (s * d + k, s * s * armature + s * viscous);
+            let inverse = (spring + alone).inv();
+            let share = spring * inverse;
+            own.motors[i] = [inverse, share, alone];
+            own.inverse[i * links + i] += s * link_viscous + alone * share;
+        }
+        for (e, [k, d]) in self.bends.iter().enumerate() {
+            own.inverse[(n + e) * links + n + e] += s * d + k;
+        }
+        own.invert()?;
+        for (i, [_, share, _]) in own.motors.iter().enumerate() {
+            for l in 0..links {
+                own.x[i * links + l] = own.inverse[l * links + i] * share;
+            }
+        }
+        for (i, [inverse, share, _]) in own.motors.iter().enumerate() {
+            for j in 0..n {
+                own.p[i * n + j] = share * own.x[j * links + i];
+            }
+            own.p[i * n + i] += inverse;
+        }
+        Some(())
+    }
+
+    /// Goes through the aliases that count at ω with a drive that holds its torque for `dt` and a delay: what moves at each s, s, and the factor of what
+    /// it gives. None where the model is singular.
     fn each_alias(
         &self,
         (omega, dt): (f64, f64),
-        mut add: impl FnMut(&Blocks, Complex64, Complex64),
+        mut add: impl FnMut(&Motion, Complex64, Complex64),
     ) -> Option<()> {
         let delay = Complex64::new(0.0, -omega * self.delay).exp();
+        let mut own = self.room();
         for (s, hold) in terms(omega, dt) {
-            add(&self.blocks(s)?, s, hold * delay);
+            self.motion(s, &mut own)?;
+            add(&own, s, hold * delay);
         }
         Some(())
     }
@@ -229,12 +372,19 @@ impl<'a> At<'a> {
         }
     }
 
-    /// Torque to motor position at ω without aliases, which hardly depend on where the links are: motors move alone there. None where the model is
-    /// singular.
-    fn without_aliases(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
+    /// Adds a share of torque to motor position at ω without aliases, which hardly depend on where the links are: motors move alone there. None where the
+    /// model is singular.
+    fn add_without_aliases(
+        &self,
+        (omega, dt): (f64, f64),
+        share: f64,
+        (own, to): (&mut Motion, &mut DMatrix<Complex64>),
+    ) -> Option<()> {
         let (s, hold) = term(omega, dt, 0);
         let delay = Complex64::new(0.0, -omega * self.delay).exp();
-        Some(self.blocks(s)?.p * (hold * delay))
+        self.motion(s, own)?;
+        add_response(to, own, hold * delay * share);
+        Some(())
     }
 
     /// The same robot at instants of a slow motion.
@@ -253,104 +403,129 @@ impl<'a> At<'a> {
         omega: f64,
         dt: f64,
     ) -> Option<DMatrix<Complex64>> {
-        let share = Complex64::from(1.0 / instants.len().max(1) as f64);
-        let own = self.without_aliases(omega, dt)?;
-        instants.iter().try_fold(-own, |sum, at| {
-            Some(sum + at.without_aliases(omega, dt)? * share)
-        })
+        let share = 1.0 / instants.len().max(1) as f64;
+        let (mut own, mut sum) = (self.room(), zeros(self.joints.len()));
+        self.add_without_aliases((omega, dt), -1.0, (&mut own, &mut sum))?;
+        for at in instants {
+            at.add_without_aliases((omega, dt), share, (&mut own, &mut sum))?;
+        }
+        Some(sum)
     }
 
     /// Torque to motor position at ω; none where the model is singular.
     pub(super) fn response(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
         let mut response = zeros(self.joints.len());
-        self.each_alias((omega, dt), |own, _, by| add(&mut response, by, &own.p))?;
+        self.each_alias((omega, dt), |own, _, by| {
+            add_response(&mut response, own, by);
+        })?;
         Some(response)
     }
 
     /// The same with its derivatives; none where the model is singular.
     pub(super) fn derived(&self, omega: f64, dt: f64) -> Option<Derived> {
         let n = self.joints.len();
+        let links = self.inertia.nrows();
         let mut response = zeros(n);
-        // A column for each unknown while they are summed: what is written lies side by side.
-        let mut slopes = DMatrix::zeros(n * n, self.scales.len());
+        let bodies = usize::from(self.has_bodies) * links * (links + 1) / 2;
+        let unknowns = self.own.len() + bodies;
+        let mut slopes = vec![Complex64::default(); n * (n + 1) / 2 * unknowns];
+        let mut moved = vec![Complex64::default(); n * self.own.len()];
+        let mut factors = vec![Complex64::default(); self.own.len()];
         self.each_alias((omega, dt), |own, s, by| {
-            add(&mut response, by, &own.p);
-            self.add_slopes(&mut slopes, (s, by), own, dt);
+            add_response(&mut response, own, by);
+            self.moved_by_each(own, &mut moved);
+            for (factor, (_, power, scale)) in factors.iter_mut().zip(&self.own) {
+                *factor = -by * s.powi(*power) * scale;
+            }
+            // Aliases hardly depend on the links: motors move alone there.
+            let feels_links = 0.0 < s.im && s.im < 0.5 * std::f64::consts::TAU / dt;
+            let bodies = (self.has_bodies && feels_links).then_some(-by * s * s);
+            self.add_slopes(&mut slopes, (&moved, &factors), bodies, own);
         })?;
-        if let Some(index) = self.layout.index(Unknown::Delay) {
-            let by = Complex64::new(0.0, -omega) * self.scales[index];
-            for (slope, response) in slopes.column_mut(index).iter_mut().zip(&response) {
-                *slope = response * by;
+        if let Some(delay) = (self.own.iter()).position(|own| matches!(own.0, Moves::Nothing)) {
+            let by = Complex64::new(0.0, -omega) * self.own[delay].2;
+            for (own, element) in slopes.chunks_exact_mut(unknowns).zip(upper(n)) {
+                own[delay] = response[element] * by;
             }
         }
-        let slopes = slopes.transpose();
-        Some(Derived { response, slopes })
+        Some(Derived {
+            response,
+            slopes,
+            unknowns,
+        })
     }
 
-    /// Adds ∂P = −P ∂Z P of one term to the derivatives.
+    /// What each unknown moves: of each motor's torque, one after the other, all unknowns'.
+    fn moved_by_each(&self, own: &Motion, moved: &mut [Complex64]) {
+        let n = self.joints.len();
+        for (j, moved) in moved.chunks_exact_mut(self.own.len().max(1)).enumerate() {
+            for (to, (moves, ..)) in moved.iter_mut().zip(&self.own) {
+                *to = match *moves {
+                    Moves::Spring(i) => {
+                        let [inverse, _, alone] = own.motors[i];
+                        let torque = if i == j { 1.0 } else { 0.0 };
+                        (Complex64::from(torque) - alone * own.links(j)[i]) * inverse
+                    }
+                    Moves::Motor(i) => own.p[i * n + j],
+                    Moves::Link(l) => own.links(j)[l],
+                    Moves::Nothing => Complex64::default(),
+                };
+            }
+        }
+    }
+
+    /// Adds one term to the derivatives: those of what is no body, by what each moves and its factor, and with this factor those to H.
     fn add_slopes(
         &self,
-        slopes: &mut DMatrix<Complex64>,
-        (s, by): (Complex64, Complex64),
-        own: &Blocks,
-        dt: f64,
+        slopes: &mut [Complex64],
+        (moved, factors): (&[Complex64], &[Complex64]),
+        bodies: Option<Complex64>,
+        own: &Motion,
     ) {
-        let rate = std::f64::consts::TAU / dt;
+        let plain = factors.len();
+        let of = |i: usize| -> Range<usize> { i * plain..(i + 1) * plain };
         let n = self.joints.len();
-        let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
-        // t = (A⁻¹ S P)ᵀ: a torque's effect on the links.
-        let sp = DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
-        let t = (a.columns(0, n) * sp).transpose();
-        // P is symmetric, so that P (1 − S A⁻¹) e_i is the row i of P − A⁻¹ S P.
-        let bent = p - t.columns(0, n);
-        let links = t.ncols();
-        let mut moved = vec![Complex64::default(); n];
-        for (index, unknown) in self.layout.unknowns.iter().enumerate() {
-            let factor = by * self.scales[index];
-            let (v, factor) = match *unknown {
-                Unknown::Stiffness(i) => (bent.column(i), factor),
-                Unknown::Damping(i) => (bent.column(i), factor * s),
-                Unknown::Viscous(i) => (p.column(i), factor * s),
-                Unknown::Armature(i) => (p.column(i), factor * s * s),
-                Unknown::LinkViscous(i) => (t.column(i), factor * s),
-                Unknown::BendStiffness(e) => (t.column(n + e), factor),
-                Unknown::BendDamping(e) => (t.column(n + e), factor * s),
-                Unknown::LinkInertia => (t.column(0), factor * s * s),
-                Unknown::Delay => continue,
-                // Aliases hardly depend on the links: motors move alone there.
-                Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => continue,
-                Unknown::Rigid(m) => {
-                    for l in 0..links {
-                        let row = self.plant.rigid[m].column(l);
-                        // A body's inertia is felt by the joints before it alone: the others have zeros.
-                        if row.iter().all(|x| *x == 0.0) {
-                            continue;
-                        }
-                        moved.fill(Complex64::default());
-                        for (x, t) in row.iter().zip(t.column_iter()) {
-                            moved.iter_mut().zip(&t).for_each(|(to, t)| *to += t * *x);
-                        }
-                        let v = t.column(l);
-                        outer(slopes, index, factor * s * s, v.as_slice(), &moved);
-                    }
-                    continue;
-                }
-            };
-            // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
-            outer(slopes, index, factor, v.as_slice(), v.as_slice());
+        let unknowns = slopes.len() / (n * (n + 1) / 2).max(1);
+        for (slopes, (i, j)) in slopes.chunks_exact_mut(unknowns.max(1)).zip(upper(n)) {
+            let (slopes, of_bodies) = slopes.split_at_mut(plain);
+            let moved = moved[of(i)].iter().zip(&moved[of(j)]).zip(factors);
+            for (slope, ((a, b), factor)) in slopes.iter_mut().zip(moved) {
+                *slope += factor * a * b;
+            }
+            let Some(by) = bodies else { continue };
+            let (a, b) = (own.links(i), own.links(j));
+            for (slope, (l, m)) in of_bodies.iter_mut().zip(upper(own.links)) {
+                // Both elements of H that are the same one.
+                let both = if l == m {
+                    a[l] * b[l]
+                } else {
+                    a[l] * b[m] + a[m] * b[l]
+                };
+                *slope += by * both;
+            }
         }
     }
 
     /// Torque to the links' position at ω.
     pub(super) fn link_response(&self, omega: f64, dt: f64) -> Option<DMatrix<Complex64>> {
-        let n = self.joints.len();
-        let mut response = zeros(n);
+        let mut response = zeros(self.joints.len());
         self.each_alias((omega, dt), |own, _, by| {
-            let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
-            add(&mut response, by, &(own.inverse.view((0, 0), (n, n)) * sp));
+            for (j, mut column) in response.column_iter_mut().enumerate() {
+                let links = own.links(j).iter();
+                column
+                    .iter_mut()
+                    .zip(links)
+                    .for_each(|(to, x)| *to += by * x);
+            }
         })?;
         Some(response)
     }
+}
+
+/// Adds a multiple of P.
+fn add_response(to: &mut DMatrix<Complex64>, own: &Motion, by: Complex64) {
+    // P is symmetric, so that its rows are its columns.
+    to.iter_mut().zip(&own.p).for_each(|(to, p)| *to += by * p);
 }
 
 #[cfg(test)]
@@ -372,6 +547,11 @@ mod tests {
     fn slopes_are_those_of_differences() {
         let (layout, x) = two_joints();
         let plant = plant();
+        // Rows of derivatives become rows over the layout as a factor's do.
+        let map = plant.bodies(&layout).map(Complex64::from);
+        let slope = |n: usize, own: &[Complex64]| -> Complex64 {
+            own.iter().zip(&map.column(n)).map(|(a, b)| a * b).sum()
+        };
         for omega in [20.0, 90.0, 400.0] {
             let at = |x: &[f64]| At::new(&plant, &layout, x).derived(omega, 0.002).unwrap();
             let own = at(&x);
@@ -382,7 +562,7 @@ mod tests {
                 down[n] -= step;
                 let difference =
                     (at(&up).response - at(&down).response) / Complex64::from(2.0 * step);
-                let slope = DMatrix::from_fn(2, 2, |i, j| own.slopes(i, j)[n]);
+                let slope = DMatrix::from_fn(2, 2, |i, j| slope(n, own.slopes(i, j)));
                 let wrong = (&difference - slope).norm();
                 // A difference over 1e-6 is rounded to 2e-10 of the response.
                 let bound = 1e-5 * difference.norm() + 1e-9 * own.response.norm();
@@ -411,7 +591,9 @@ mod tests {
             let exact = At::new(&other, &layout, &x).response(omega, 0.002).unwrap();
             let own = moved.response(omega, 0.002).unwrap();
             assert!((&own - &exact).norm() < 1e-12 * exact.norm(), "{omega}");
-            let alone = moved.without_aliases(omega, 0.002).unwrap();
+            let mut alone = zeros(2);
+            let to = (&mut moved.room(), &mut alone);
+            moved.add_without_aliases((omega, 0.002), 1.0, to).unwrap();
             assert!((alone - &exact).norm() < 0.02 * exact.norm(), "{omega}");
         }
     }

@@ -161,11 +161,12 @@ impl Foreseen {
         let joints = self.stated.len();
         let mut data = HeapFactor::new(n);
         for (point, plant) in self.plants.iter().enumerate() {
-            let mut rows = Vec::new();
+            let (mut rows, mut unknowns) = (Vec::new(), 0);
             let at = At::new(plant, &self.layout, &self.x);
             let instants = self.instants.get(point).map(|own| at.along(own));
             for (line, &omega) in self.omega.iter().enumerate() {
                 let own = at.derived(omega, self.dt)?;
+                unknowns = own.unknowns();
                 let along = match &instants {
                     Some(instants) => at.mean_along(instants, omega, self.dt)?,
                     None => DMatrix::zeros(joints, joints),
@@ -182,7 +183,9 @@ impl Foreseen {
                     rows.extend(row.map(|x| x.im));
                 }
             }
-            fold(&mut data, &mut rows);
+            let mut own = HeapFactor::new(unknowns);
+            fold(&mut own, &mut rows);
+            data.merge(&plant.over_bodies(&self.layout, own));
         }
         let prior = prior_rows(&self.layout, &self.x);
         let whole = stacked([&data, &prior_factor(&self.layout, &self.x)]).dense();

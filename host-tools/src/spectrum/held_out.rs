@@ -39,7 +39,7 @@ impl Problem<'_> {
             for fold in 0..FOLDS {
                 let kept = models.iter().enumerate().map(|(other, model)| {
                     let lines = (0..self.used).filter(|l| other != point || l % FOLDS != fold);
-                    self.factor(other, None, lines, model, FIRST_ERROR)
+                    self.factor((other, None), lines, layout, model, FIRST_ERROR)
                 });
                 let kept: Vec<HeapFactor> = kept.collect();
                 let step = damped(&stacked([prior].into_iter().chain(&kept)), 0.0);

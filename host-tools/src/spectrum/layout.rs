@@ -47,6 +47,11 @@ impl Unknown {
     pub(super) fn is_log(self) -> bool {
         !matches!(self, Self::Rigid(_) | Self::Delay)
     }
+
+    /// Whether it is of the links' bodies.
+    pub(super) fn is_body(self) -> bool {
+        matches!(self, Self::Rigid(_))
+    }
 }
 
 impl Layout {

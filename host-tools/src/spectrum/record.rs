@@ -69,7 +69,7 @@ impl Record {
     /// If it cannot be read, lacks columns or is not evenly sampled.
     pub(super) fn read(path: &Path, model: Option<&Model>) -> Result<Self, FrfError> {
         let (mut columns, mut unit) = (Vec::new(), TorqueUnit::NewtonMetre);
-        let table = read_numbers(path, |names| -> Result<_, FrfError> {
+        let mut table = read_numbers(path, |names| -> Result<_, FrfError> {
             (columns, unit) = joint_columns(path, names, model)?;
             let cells = [time_column(path, names)?].into_iter();
             let cells = cells.chain(columns.iter().flat_map(|c| {
@@ -80,21 +80,17 @@ impl Record {
             Ok(cells.map(|cell| (cell, Need::Always)).collect())
         })?;
         let dt = even(path, &table)?;
-        let unfit = table
-            .rows
-            .iter()
-            .position(|row| row.iter().any(|x| !x.is_finite()));
-        if let Some(place) = unfit.and_then(|row| table.place(row)) {
+        let columns_unfit = table.columns.iter();
+        let unfit = columns_unfit.filter_map(|column| column.iter().position(|x| !x.is_finite()));
+        if let Some(place) = unfit.min().and_then(|row| table.place(row)) {
             return Err(FrfError::NotFinite {
                 path: path.to_owned(),
                 place,
             });
         }
-        let mut at = 0;
-        let mut next = || {
-            at += 1;
-            table.rows.iter().map(|row| row[at]).collect::<Vec<f64>>()
-        };
+        // All but time, in the order of what was asked for.
+        let mut signals = std::mem::take(&mut table.columns).into_iter().skip(1);
+        let mut next = || signals.next().unwrap_or_default();
         let mut record = Self {
             path: path.to_owned(),
             dt,
@@ -201,7 +197,8 @@ fn joint_columns(
 
 /// The sampling period, the first of the table's columns being time.
 pub(crate) fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
-    let gaps = || table.rows.windows(2).map(|two| two[1][0] - two[0][0]);
+    let time = table.columns.first().map_or(&[][..], Vec::as_slice);
+    let gaps = || time.windows(2).map(|two| two[1] - two[0]);
     let mut all: Vec<f64> = gaps().collect();
     let middle = all.len() / 2;
     let dt = match all.is_empty() {
@@ -221,11 +218,10 @@ pub(crate) fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
         return Err(FrfError::Uneven {
             path: path.to_owned(),
             place,
-            gap: table.rows[row + 1][0] - table.rows[row][0],
+            gap: time[row + 1] - time[row],
             dt,
         });
     }
     // The mean is finer than a rounded stamp.
-    let (first, last) = (&table.rows[0], &table.rows[table.rows.len() - 1]);
-    Ok((last[0] - first[0]) / (table.rows.len() - 1) as f64)
+    Ok((time[time.len() - 1] - time[0]) / (time.len() - 1) as f64)
 }

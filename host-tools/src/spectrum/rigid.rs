@@ -1,7 +1,7 @@
 //! What the model says of the links at each point: inertia matrix, stiffness of gravity, and how far its bodies may be off; of links that bend with
 //! their bends as further coordinates.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use proprio_core::inertia::INERTIAL;
 
 use super::error::FrfError;
@@ -94,14 +94,15 @@ impl Links {
             owners,
         };
         // Directions that are felt at some point.
-        let middles: Result<Vec<Plant>, FrfError> =
-            points.iter().map(|p| links.plant(p.middle)).collect();
-        let middles = middles?;
-        let is_felt = |m: &usize| {
-            let felt = |p: &Plant| p.rigid[*m].norm() > FELT * p.inertia.norm();
-            middles.iter().any(felt)
-        };
-        let felt: Vec<usize> = (0..links.directions.ncols()).filter(is_felt).collect();
+        let mut is_felt = vec![false; links.directions.ncols()];
+        for point in points {
+            let at = links.at(point.middle)?;
+            let least = FELT * at.inertia.norm();
+            for (felt, slope) in is_felt.iter_mut().zip(links.rigid(&at.regressor)) {
+                *felt |= slope.norm() > least;
+            }
+        }
+        let felt: Vec<usize> = (0..is_felt.len()).filter(|&m| is_felt[m]).collect();
         links.directions = links.directions.select_columns(&felt);
         links.doubts = felt.iter().map(|&m| links.doubts[m]).collect();
         links.owners = felt.iter().map(|&m| links.owners[m].clone()).collect();
@@ -121,14 +122,21 @@ impl Links {
     ) -> Result<Plants, FrfError> {
         let mut all = Plants::default();
         for point in points {
-            let of = |q: &Vec<f64>| self.plant(&self.sagged(q, compliance)?);
-            let plants: Result<Vec<Plant>, FrfError> = point.path.iter().map(of).collect();
-            let plants = plants?;
-            let matrices = |plant: &Plant| [plant.inertia.clone(), plant.gravity.clone()];
-            all.along.push(plants.iter().map(matrices).collect());
-            let mean = plants.into_iter().reduce(|mean, own| added(mean, &own));
-            let mean = mean.map(|mean| divided(mean, point.path.len() as f64));
-            all.means.extend(mean);
+            let of = |q: &Vec<f64>| self.at(&self.sagged(q, compliance)?);
+            let instants: Result<Vec<Matrices>, FrfError> = point.path.iter().map(of).collect();
+            let instants = instants?;
+            let matrices = |at: &Matrices| [at.inertia.clone(), at.gravity.clone()];
+            all.along.push(instants.iter().map(matrices).collect());
+            let count = instants.len() as f64;
+            let Some(sum) = instants.into_iter().reduce(Matrices::added) else {
+                continue;
+            };
+            all.means.push(Plant {
+                inertia: sum.inertia / count,
+                gravity: sum.gravity / count,
+                rigid: self.rigid(&(sum.regressor / count)),
+                motors: self.motors,
+            });
         }
         Ok(all)
     }
@@ -173,7 +181,16 @@ impl Links {
         Ok(links)
     }
 
-    fn plant(&self, own: &[f64]) -> Result<Plant, FrfError> {
+    /// The derivatives of H to each direction of the bodies, by H's to their parameters.
+    fn rigid(&self, regressor: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+        let n = self.places.len();
+        let all = regressor * &self.directions;
+        let of =
+            |column: DVectorView<'_, f64>| DMatrix::from_iterator(n, n, column.iter().copied());
+        all.column_iter().map(of).collect()
+    }
+
+    fn at(&self, own: &[f64]) -> Result<Matrices, FrfError> {
         let n = self.dynamics.joints().len();
         let mut q = vec![0.0; n];
         for (place, value) in self.places.iter().zip(own) {
@@ -191,18 +208,16 @@ impl Links {
         let mut rows = vec![0.0; samples * n * width];
         self.dynamics
             .torque_regressor([&repeated, &still, &accelerations], &mut rows)?;
-        let regressor = |sample: usize, i: usize, p: usize| rows[(sample * n + i) * width + p];
+        let row = |sample: usize, i: usize| &rows[(sample * n + i) * width..][..width];
         let places = &self.places;
-        let along = |direction: &[f64]| {
-            DMatrix::from_fn(places.len(), places.len(), |a, b| {
-                let (i, j) = (places[a], places[b]);
-                let of = |p: usize| (regressor(j + 1, i, p) - regressor(0, i, p)) * direction[p];
-                (0..width).map(of).sum::<f64>()
-            })
-        };
-        let rigid = (self.directions.column_iter())
-            .map(|column| along(column.as_slice()))
-            .collect();
+        let mut regressor = DMatrix::zeros(places.len() * places.len(), width);
+        for (b, &j) in places.iter().enumerate() {
+            for (a, &i) in places.iter().enumerate() {
+                let mut to = regressor.row_mut(b * places.len() + a);
+                let differ = row(j + 1, i).iter().zip(row(0, i)).map(|(x, y)| x - y);
+                to.iter_mut().zip(differ).for_each(|(to, x)| *to = x);
+            }
+        }
         let mut inertia = vec![0.0; n * n];
         self.dynamics.mass_matrix(&q, &mut inertia)?;
         let gravity = |step: f64, joint: usize| -> Result<Vec<f64>, FrfError> {
@@ -220,33 +235,33 @@ impl Links {
                 stiffness[(a, b)] = (up[i] - down[i]) / (2.0 * STEP);
             }
         }
-        Ok(Plant {
+        Ok(Matrices {
             inertia: DMatrix::from_fn(places.len(), places.len(), |a, b| {
                 inertia[places[a] * n + places[b]]
             }),
             gravity: stiffness,
-            rigid,
-            motors: self.motors,
+            regressor,
         })
     }
 }
 
-fn added(mut a: Plant, b: &Plant) -> Plant {
-    a.inertia += &b.inertia;
-    a.gravity += &b.gravity;
-    for (a, b) in a.rigid.iter_mut().zip(&b.rigid) {
-        *a += b;
-    }
-    a
+/// The links' matrices at one place.
+struct Matrices {
+    /// H, kg m².
+    inertia: DMatrix<f64>,
+    /// ∂g/∂q, N m/rad.
+    gravity: DMatrix<f64>,
+    /// Derivatives of H to all bodies' parameters: a row for each element, column after column.
+    regressor: DMatrix<f64>,
 }
 
-fn divided(mut plant: Plant, by: f64) -> Plant {
-    plant.inertia /= by;
-    plant.gravity /= by;
-    for direction in &mut plant.rigid {
-        *direction /= by;
+impl Matrices {
+    fn added(mut self, other: Self) -> Self {
+        self.inertia += other.inertia;
+        self.gravity += other.gravity;
+        self.regressor += other.regressor;
+        self
     }
-    plant
 }
 
 /// Directions, by how much more bodies may be off in each, and the joint that carries the body.

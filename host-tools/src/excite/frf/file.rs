@@ -89,26 +89,26 @@ impl FrfPlan {
             let (p, d) = (channel(row, 4), channel(row, 5));
             p.into_iter().zip(d).map(|(p, d)| [p, d]).collect()
         };
-        let gains = table.rows.first().map(|row| gains_of(row));
+        let gains = table.rows().next().map(|row| gains_of(&row));
         let gains = gains.ok_or_else(|| wrong("no rows".to_owned()))?;
-        if table.rows.iter().any(|row| gains_of(row) != gains) {
+        if table.rows().any(|row| gains_of(&row) != gains) {
             return Err(wrong(
                 "the gains `kp/`, `kd/` change along the plan".to_owned(),
             ));
         }
-        let command = |row: &Vec<f64>| {
+        let command = |row: Vec<f64>| {
             let command = Command {
-                q: channel(row, 0),
-                dq: channel(row, 1),
-                ddq: channel(row, 2),
-                tau: channel(row, 3),
+                q: channel(&row, 0),
+                dq: channel(&row, 1),
+                ddq: channel(&row, 2),
+                tau: channel(&row, 3),
             };
-            (command, channel(row, 6))
+            (command, channel(&row, 6))
         };
         Ok(Self {
             rate: 1.0 / dt,
             gains,
-            commands: table.rows.iter().map(command).collect(),
+            commands: table.rows().map(command).collect(),
         })
     }
 }
