@@ -8,6 +8,8 @@ use proprio_host::command::run_words;
 use proprio_host::fleet::{Block, read, write};
 use serde_json::Value;
 
+// Public where it is at home.
+#[allow(unreachable_pub)]
 #[path = "../../tests/src/schema.rs"]
 mod schema;
 
