@@ -141,7 +141,7 @@ fn run(command: Command) -> Result<String, Error> {
                 pages::fleet(&answers, &table.refused()?).write(&path)?;
             }
             Ok(if json {
-                as_json("report", &answers)
+                format!("{:#}\n", answers.object())
             } else {
                 answers.to_string()
             })

@@ -5,7 +5,13 @@ use std::path::Path;
 use std::process::Command;
 
 use proprio_host::command::run_words;
+use proprio_host::fleet::{Block, read, write};
 use serde_json::Value;
+
+// Public where it is at home.
+#[allow(unreachable_pub)]
+#[path = "../../tests/src/schema.rs"]
+mod schema;
 
 /// Runs `proprio` in this process.
 fn proprio(words: &[&str]) {
@@ -26,8 +32,31 @@ fn fleet(folder: &Path, words: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
+/// What --json has printed, held to its schema.
 fn object(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
+    let value = serde_json::from_str(text).unwrap();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/schema/fleet.json");
+    let faults = schema::Schema::read(&path).faults(&value);
+    assert!(faults.is_empty(), "{faults:#?}");
+    value
+}
+
+/// A table of another log, whose first row is changed before it is sealed.
+fn altered(from: &Path, to: &Path, change: impl Fn(&mut Block)) {
+    let mut blocks = read(from).blocks;
+    blocks
+        .iter_mut()
+        .for_each(|b| b.log = to.display().to_string());
+    change(&mut blocks[0]);
+    let sealed: Vec<Block> = blocks.into_iter().take(1).map(Block::sealed).collect();
+    write(to, &sealed).unwrap();
+}
+
+fn with_columns(block: &mut Block, change: impl Fn(&mut proprio_host::fleet::BlockColumns)) {
+    let mut columns = (*block.columns).clone();
+    change(&mut columns);
+    block.hash = columns.hash().into();
+    block.columns = columns.into();
 }
 
 #[test]
@@ -88,6 +117,16 @@ fn from_uploads_to_a_page() {
     flipped[2_000] ^= 4;
     fs::write(folder.join("uploads/flipped.parquet"), flipped).unwrap();
     fs::write(folder.join("uploads/none.parquet"), "t,q\n").unwrap();
+    let whole = folder.join("uploads/4-0.parquet");
+    let upload = |name: &str| folder.join("uploads").join(name);
+    altered(&whole, &upload("nan.parquet"), |b| b.factor[2] = f32::NAN);
+    altered(&whole, &upload("shape.parquet"), |b| b.factor.push(0.0));
+    altered(&whole, &upload("cad.parquet"), |b| {
+        with_columns(b, |c| c.cad = "0".to_owned())
+    });
+    altered(&whole, &upload("column.parquet"), |b| {
+        with_columns(b, |c| c.columns[30].name = "friction:FR_hip".to_owned());
+    });
     let other = at("uploads/renamed.parquet".to_owned());
     let begin = 1_790_000_000.to_string();
     proprio(&[
@@ -111,7 +150,14 @@ fn from_uploads_to_a_page() {
         (&Value::from(15), &Value::from(0)),
         "{again}"
     );
-    for kind in ["damaged", "other_robot"] {
+    for kind in [
+        "damaged",
+        "not_finite",
+        "shape",
+        "other_columns",
+        "unknown_column",
+        "other_robot",
+    ] {
         assert!(again["kinds"][kind].as_u64().unwrap() >= 1, "{again}");
     }
     assert_eq!(
@@ -127,7 +173,7 @@ fn from_uploads_to_a_page() {
     ));
     assert_eq!(
         (&idle["known"], &idle["refused"]),
-        (&Value::from(19), &Value::from(0)),
+        (&Value::from(23), &Value::from(0)),
         "{idle}"
     );
 

@@ -274,7 +274,7 @@ pub fn asked_to_finish() -> bool {
 /// # Errors
 /// If the handler cannot be installed.
 pub fn remove_on_interrupt() -> Result<(), ctrlc::Error> {
-    ctrlc::set_handler(|| {
+    let installed = ctrlc::set_handler(|| {
         if FINISHES.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
             return;
         }
@@ -285,7 +285,12 @@ pub fn remove_on_interrupt() -> Result<(), ctrlc::Error> {
             let _ = fs::remove_file(path);
         }
         std::process::exit(130);
-    })
+    });
+    match installed {
+        // A process that runs several commands has it already.
+        Err(ctrlc::Error::MultipleHandlers) => Ok(()),
+        installed => installed,
+    }
 }
 
 fn open_files() -> std::sync::MutexGuard<'static, Vec<PathBuf>> {

@@ -456,5 +456,14 @@ def regressor_seconds(
 ) -> float:
     """How long the library itself takes for `torque_regressor`, s: for the benchmark."""
 
+def fleet_schema() -> bytes:
+    """An empty table's Parquet: names and types of its columns."""
+
+def fleet_partial(source: Union[bytes, str]) -> tuple[bytes, list[str]]:
+    """The Parquet of the blocks that are let in, in one order, and why others are not. `source`: a file, or a table's Parquet."""
+
+def fleet_final(source: Union[bytes, str]) -> tuple[str, list[str]]:
+    """All answers as JSON, and why blocks are not among them."""
+
 def run_command(words: Sequence[str]) -> int:
     """Runs the command `proprio` with these words, the first of which is the program: its exit status."""

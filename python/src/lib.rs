@@ -5,6 +5,7 @@
 //! - `arrays`: numbers from and to NumPy, pandas, Polars and Arrow
 //! - `dynamics`: regressors, torques, mass matrices over many samples
 //! - `error`: errors as exceptions, with the hint
+//! - `fleet`: blocks of many robots, as an engine that spreads the work passes them
 //! - `log`: a log, of files or arrays
 //! - `model`: a robot and what is known of it
 //! - `motion`: the motion that `excite` designs
@@ -14,6 +15,7 @@
 mod arrays;
 mod dynamics;
 mod error;
+mod fleet;
 mod log;
 mod model;
 mod motion;
@@ -45,6 +47,8 @@ mod _proprio {
     use super::error::{
         DynamicsError, Error, LogError, ModelError, MotionError, UnknownNameError, WriteError,
     };
+    #[pymodule_export]
+    use super::fleet::{fleet_final, fleet_partial, fleet_schema};
     #[pymodule_export]
     use super::log::Log;
     #[pymodule_export]

@@ -34,13 +34,14 @@ monitor sim --speed 0 --seconds 2 --lines
 zero sim --legs FR --pose calves-folded
 ports";
 
-/// Commands that other tests run.
-const ELSEWHERE: [&str; 7] = [
+/// Commands that other tests run; `fleet` is of the fleet's workspace (fleet/tests/user.rs).
+const ELSEWHERE: [&str; 8] = [
     "calibrate",
     "capture",
     "demo",
     "excite",
     "flash",
+    "fleet",
     "frf",
     "record",
 ];

@@ -21,6 +21,9 @@ use super::values::{Series, Solved, memories, model_of, robot_values, series_of}
 use crate::parallel::side_by_side;
 use crate::table::Table;
 
+/// Name of the schema of answers as JSON.
+const SCHEMA: &str = "proprio-fleet.report/1";
+
 /// A parameter over all robots.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Population {
@@ -66,7 +69,8 @@ pub struct Answers {
 /// The kinds of parameters that a model has.
 type Kinds = BTreeSet<String>;
 
-fn is_plain(column: &KeptColumn) -> bool {
+/// Whether every drive has it: friction, rotor, offset.
+pub(super) fn is_plain(column: &KeptColumn) -> bool {
     column
         .effect()
         .is_some_and(|effect| effect.description().is_plain())
@@ -233,6 +237,16 @@ fn tested<'a>(
         }
     };
     joints(solved).into_iter().map(of).collect()
+}
+
+impl Answers {
+    /// As one JSON object that names its schema.
+    pub fn object(&self) -> serde_json::Value {
+        // Plain data with string keys.
+        let mut object = serde_json::to_value(self).unwrap_or_default();
+        object["schema"] = SCHEMA.into();
+        object
+    }
 }
 
 impl fmt::Display for Answers {

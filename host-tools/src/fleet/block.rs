@@ -9,6 +9,14 @@ use super::columns::BlockColumns;
 /// CRC-32C (Castagnoli; RFC 3720, appendix B.4).
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI);
 
+/// Digits of a log's SHA-256 that name it to people: 32 bits, so that of a thousand logs two share them with a chance of 10⁻⁴.
+const DIGITS: usize = 8;
+
+/// A log's name for people: the first digits of its SHA-256.
+pub fn short_name(log: &str) -> String {
+    log.chars().take(DIGITS).collect()
+}
+
 /// What the data of a joint say in a block of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::block::{Block, Key};
+use super::block::{Block, Key, short_name};
 
 /// Most time that a block may come after a later one of the same robot and still be usual, s: a day in a robot without a network.
 const LATE: f64 = 86_400.0;
@@ -217,9 +217,24 @@ impl Gate {
     }
 }
 
+/// The blocks that a gate of their own lets in, in one order, and why it refuses the others: the same for any order in which they come, which an engine that spreads
+/// the work does not keep.
+pub fn admit_all(mut blocks: Vec<Block>) -> (Vec<Block>, Vec<Fault>) {
+    // Of two with one key that which was made first stands, and its columns are the robot's.
+    let order = |block: &Block| (block.key(), block.received.to_bits(), block.crc32c);
+    blocks.sort_by_cached_key(order);
+    let (mut gate, mut faults) = (Gate::default(), Vec::new());
+    let admit = |block| {
+        let refused = |fault| faults.push(fault);
+        gate.admit(block).map_err(refused).ok()
+    };
+    let admitted = blocks.into_iter().filter_map(admit).collect();
+    (admitted, faults)
+}
+
 /// A block's name in words.
 pub(super) fn name(block: &Block) -> String {
-    let log: String = block.log.chars().take(8).collect();
+    let log = short_name(&block.log);
     format!(
         "{} {} at {} s of log {log}",
         block.robot, block.joint, block.t0

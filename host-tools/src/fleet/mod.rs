@@ -34,7 +34,7 @@ mod values;
 pub use answers::{Answers, final_answers};
 pub use block::Block;
 pub use columns::{BlockColumns, KeptColumn, place_in_model};
-pub use gate::{Fault, Gate};
+pub use gate::{Fault, Gate, admit_all};
 pub use make::{Origin, blocks_of_log};
 pub use partial::{Kept, merge, partial};
 pub use prior::prior_model;

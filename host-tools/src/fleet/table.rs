@@ -100,6 +100,12 @@ pub fn read(path: &Path) -> Table {
     }
 }
 
+/// Reads a table in memory, named so.
+#[cfg(feature = "parquet")]
+pub fn read_bytes(name: &str, bytes: Vec<u8>) -> Table {
+    read_from(name, bytes::Bytes::from(bytes))
+}
+
 /// Reads nothing: the fault is that this build has no Parquet.
 #[cfg(not(feature = "parquet"))]
 pub fn read(path: &Path) -> Table {
