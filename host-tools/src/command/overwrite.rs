@@ -124,7 +124,8 @@ fn standing(path: &Path) -> Standing {
     if !header.is_empty() && header.split(',').all(|name| name.starts_with("q/")) {
         return Standing::Own("a list of poses");
     }
-    if path.with_extension("truth.json").exists() {
+    // Beside `log.truth.json` only the log itself is simulated, not a capture `log.cap` of a bus, which nothing makes again.
+    if header.starts_with("t,") && path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
     }
     // A longer one is a log, of which a reader of TOML would take many times the length in memory.
