@@ -6,6 +6,7 @@ const EFFECTS = ["coulomb", "viscous", "armature", "bias"];
 const LEGS = ["FR", "FL", "RR", "RL"];
 let page = "robot";
 let state = null;
+let everything = false;
 
 const at = (id) => document.getElementById(id);
 
@@ -98,8 +99,15 @@ function robotPage() {
   at("events").replaceChildren(...state.events.map((event) => make("li", [make("time", clock(event.seconds)), event.text])));
 }
 
+// What the model has or lacks, and what gains by two of its errors; the rest is noise, and folded.
 function ranking() {
-  table("ranking", ["", "effect", "gain, %", "", "value", ""], state.ranking.map((r) => {
+  const clear = (r) => r.active || r.missing || r.gain > 2 * r.gain_error;
+  const shown = everything ? state.ranking : state.ranking.filter(clear);
+  const few = state.ranking.length - state.ranking.filter(clear).length;
+  at("noise").hidden = few === 0;
+  at("noise").textContent = everything ? "hide those within the noise" : `show ${few} within the noise`;
+  at("noise").setAttribute("aria-expanded", String(everything));
+  table("ranking", ["", "effect", "gain, %", "", "value", ""], shown.map((r) => {
     const name = `${r.effect}:${r.joint}`;
     const verb = r.active ? "drop" : "add";
     const button = make("button", verb, { "aria-label": `${verb} ${name}` });
@@ -165,6 +173,11 @@ at("reset").addEventListener("click", () => {
   if (sure) ask("reset");
 });
 at("reset").addEventListener("blur", () => { at("reset").textContent = "forget all data"; });
+
+at("noise").addEventListener("click", () => {
+  everything = !everything;
+  ranking();
+});
 
 const stream = new EventSource("/events");
 stream.onmessage = (event) => {
