@@ -28,7 +28,9 @@ function draw(name, attributes, content = []) {
 function table(id, heading, rows) {
   const cells = (row, name) => make("tr", row.map((cell) => {
     if (cell instanceof Element) return cell;
-    return make(name, String(cell), cell === "" || Number.isNaN(parseFloat(cell)) ? {} : { class: "number" });
+    // A heading without words is no heading.
+    const kind = name === "th" && cell === "" ? "td" : name;
+    return make(kind, String(cell), cell === "" || Number.isNaN(parseFloat(cell)) ? {} : { class: "number" });
   }));
   at(id).replaceChildren(make("thead", cells(heading, "th")), make("tbody", rows.map((row) => cells(row, "td"))));
 }
