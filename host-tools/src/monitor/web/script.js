@@ -101,14 +101,14 @@ function robotPage() {
   at("events").replaceChildren(...state.events.map((event) => make("li", [make("time", clock(event.seconds)), event.text])));
 }
 
-// What the model has or lacks, and what gains by two of its errors; the rest is noise, and folded.
+// What is missing and the nearest candidates: a phone's screen. The rest gains nothing, or is the model's already, and is folded.
+const NEAREST = 6;
 function ranking() {
-  const clear = (r) => r.active || r.missing || r.gain > 2 * r.gain_error;
-  const shown = everything ? state.ranking : state.ranking.filter(clear);
-  const few = state.ranking.length - state.ranking.filter(clear).length;
-  at("noise").hidden = few === 0;
-  at("noise").textContent = everything ? "hide those within the noise" : `show ${few} within the noise`;
-  at("noise").setAttribute("aria-expanded", String(everything));
+  const first = state.ranking.filter((r, n) => r.missing || (!r.active && n < NEAREST));
+  const shown = everything ? state.ranking : first;
+  at("all").hidden = first.length === state.ranking.length;
+  at("all").textContent = everything ? "show fewer" : `show all ${state.ranking.length}`;
+  at("all").setAttribute("aria-expanded", String(everything));
   table("ranking", ["", "effect", "gain, %", "", "value", ""], shown.map((r) => {
     const name = `${r.effect}:${r.joint}`;
     const verb = r.active ? "drop" : "add";
@@ -176,7 +176,7 @@ at("reset").addEventListener("click", () => {
 });
 at("reset").addEventListener("blur", () => { at("reset").textContent = "forget all data"; });
 
-at("noise").addEventListener("click", () => {
+at("all").addEventListener("click", () => {
   everything = !everything;
   ranking();
 });
