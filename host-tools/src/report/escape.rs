@@ -36,13 +36,13 @@ const WITHIN_UNITS: [&str; 10] = [
 pub fn prose(text: &str) -> String {
     let mut joined = String::with_capacity(text.len() + 16);
     let (mut before, mut in_unit) = ("", false);
-    for word in text.split(' ') {
+    for (n, word) in text.split(' ').enumerate() {
         let bare = word.trim_end_matches(['.', ',', ';', ':', ')']);
         // `(floor 0.087)` ends a value; `0.087, N` is no unit of it.
         let after_number = before.ends_with(|c: char| c.is_ascii_digit());
         let goes_on = in_unit && WITHIN_UNITS.contains(&bare);
         let is_unit = after_number && UNITS.contains(&bare) || goes_on;
-        if !joined.is_empty() || !before.is_empty() {
+        if n > 0 {
             joined.push(if is_unit || before == "±" {
                 '\u{a0}'
             } else {
