@@ -83,7 +83,9 @@ fn by_likeness<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<
         });
     let likeness = |known: &str| strsim::jaro_winkler(&wanted, &known.to_lowercase());
     let mut known: Vec<&str> = known.into_iter().collect();
-    known.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
+    // Of equally near ones the last known comes first.
+    known.sort_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    known.reverse();
     known
 }
 
