@@ -434,7 +434,7 @@ fn of_log(error: &LogError) -> String {
         Problem::DuplicateColumn { .. } => "rename or delete one of the two".to_owned(),
         Problem::UnknownName { nearest, .. } => format!("did you mean `{nearest}`?"),
         Problem::OtherRobot { joints, .. } => format!(
-            "its joints are {}; for another robot name its model: `-m MODEL`, made by `proprio add EFFECT -m MODEL --urdf FILE`",
+            "its joints are {}; for another robot name its model: `-m ROBOT.toml`, made by `proprio add EFFECT -m ROBOT.toml --urdf FILE`",
             joints.join(", ")
         ),
         Problem::NoJoints { joints } => {
