@@ -199,23 +199,6 @@ pub fn scatter(curves: &[Curve]) -> Section {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A delay turns on and on; a mass begins at -180, also where noise has it at +179.
-    #[test]
-    fn phases_have_no_jumps() {
-        let at = |degrees: f64| [degrees.to_radians().cos(), degrees.to_radians().sin()];
-        let phases = unwrapped(&[179.0, -170.0, 100.0, 20.0, -60.0, -140.0].map(at));
-        let expected = [-181.0, -170.0, -260.0, -340.0, -420.0, -500.0];
-        for (phase, expected) in phases.iter().zip(expected) {
-            assert!((phase - expected).abs() < 1e-9, "{phases:?}");
-        }
-        assert!((near(175.0, -200.0) + 185.0).abs() < 1e-9);
-    }
-}
-
 /// All values.
 pub fn values(values: &[FrfValue]) -> Section {
     let number = |x: f64| Cell::number(format!("{x:.3e}"), x);
@@ -247,5 +230,22 @@ pub fn values(values: &[FrfValue]) -> Section {
         }),
         columns: 1,
         ..Section::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A delay turns on and on; a mass begins at -180, also where noise has it at +179.
+    #[test]
+    fn phases_have_no_jumps() {
+        let at = |degrees: f64| [degrees.to_radians().cos(), degrees.to_radians().sin()];
+        let phases = unwrapped(&[179.0, -170.0, 100.0, 20.0, -60.0, -140.0].map(at));
+        let expected = [-181.0, -170.0, -260.0, -340.0, -420.0, -500.0];
+        for (phase, expected) in phases.iter().zip(expected) {
+            assert!((phase - expected).abs() < 1e-9, "{phases:?}");
+        }
+        assert!((near(175.0, -200.0) + 185.0).abs() < 1e-9);
     }
 }
