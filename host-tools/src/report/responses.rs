@@ -44,6 +44,14 @@ fn near(angle: f64, other: f64) -> f64 {
     angle - 360.0 * ((angle - other) / 360.0).round()
 }
 
+/// The least range of whole quarters of a turn that has all of these angles, degrees.
+fn quarters(angles: &[f64]) -> Vec<f64> {
+    let low = angles.iter().copied().fold(f64::MAX, f64::min);
+    let high = angles.iter().copied().fold(f64::MIN, f64::max);
+    let low = 90.0 * (low / 90.0).floor();
+    vec![low, (90.0 * (high / 90.0).ceil()).max(low + 90.0)]
+}
+
 /// Frequencies that are named on a logarithmic axis, Hz: 1, 2 and 5 of each decade.
 fn named_frequencies() -> Vec<f64> {
     let decades = [0.1, 1.0, 10.0, 100.0, 1000.0];
@@ -104,6 +112,7 @@ pub fn bode(curves: &[Curve], unit: &str) -> Section {
         let around: Vec<f64> = around
             .map(|([re, im], phase)| near(im.atan2(*re).to_degrees(), *phase))
             .collect();
+        let turned: Vec<f64> = phase.iter().chain(&around).copied().collect();
         let pair = format!("{} by torque of {}", curve.output, curve.input);
         figures.push(Figure {
             title: format!("{pair}: magnitude"),
@@ -127,7 +136,10 @@ pub fn bode(curves: &[Curve], unit: &str) -> Section {
         figures.push(Figure {
             title: format!("{pair}: phase"),
             traces: vec![measured(around), modelled(phase)],
-            layout: layout(frequency(), axis("degrees").dtick(90.0)),
+            layout: layout(
+                frequency(),
+                axis("degrees").range(quarters(&turned)).dtick(90.0),
+            ),
             group: Some("frequency"),
             height: 200,
         });
@@ -246,6 +258,8 @@ mod tests {
         for (phase, expected) in phases.iter().zip(expected) {
             assert!((phase - expected).abs() < 1e-9, "{phases:?}");
         }
+        assert_eq!(quarters(&[-200.0, -179.0]), [-270.0, -90.0]);
+        assert_eq!(quarters(&[-180.0]), [-180.0, -90.0]);
         assert!((near(175.0, -200.0) + 185.0).abs() < 1e-9);
     }
 }
