@@ -2,9 +2,13 @@
 
 use proprio_core::go2::Leg;
 
+/// Names that an error lists, at most: those of two robots' legs. Of more it lists so many of the nearest, a line of them.
+const LISTED: usize = 24;
+const NEAREST: usize = 5;
+
 /// A name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("there is no {what} `{name}`; there {} {}", if .known.len() == 1 { "is" } else { "are" }, .known.join(", "))]
+#[error("there is no {what} `{name}`; {}", self.listed())]
 pub struct UnknownName {
     /// What was looked for: "joint", "effect", "key".
     pub what: &'static str,
@@ -31,7 +35,25 @@ impl UnknownName {
 
     /// The existing name nearest in spelling.
     pub fn nearest(&self) -> Option<&str> {
-        nearest(&self.name, self.known.iter().map(String::as_str))
+        self.by_likeness().into_iter().next()
+    }
+
+    fn by_likeness(&self) -> Vec<&str> {
+        by_likeness(&self.name, self.known.iter().map(String::as_str))
+    }
+
+    /// The names that exist; of many the nearest.
+    fn listed(&self) -> String {
+        let count = self.known.len();
+        if count > LISTED {
+            let nearest = self.by_likeness();
+            return format!(
+                "of {count} the nearest are {}",
+                nearest[..NEAREST].join(", ")
+            );
+        }
+        let are = if count == 1 { "is" } else { "are" };
+        format!("there {are} {}", self.known.join(", "))
     }
 }
 
@@ -43,11 +65,11 @@ pub(crate) fn leg_named(name: &str) -> Result<Leg, UnknownName> {
     Leg::from_name(name).ok_or_else(|| UnknownName::new("leg", name, Leg::ALL.map(Leg::name)))
 }
 
-/// The name among `known` nearest to `name` in spelling.
+/// The names `known`, the nearest to `name` in spelling first.
 ///
 /// Joint names share their leg, so the distance weighs a common start (Jaro-Winkler); and `FR_knee`, a word of other makers,
 /// means the calf although `FR_hip` is spelt more like it.
-pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+fn by_likeness<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let synonyms = [
         ("knee", "calf"),
         ("shin", "calf"),
@@ -60,15 +82,36 @@ pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
             name.replace(theirs, ours)
         });
     let likeness = |known: &str| strsim::jaro_winkler(&wanted, &known.to_lowercase());
+    let mut known: Vec<&str> = known.into_iter().collect();
+    // Of equally near ones the last known comes first.
+    known.sort_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    known.reverse();
     known
-        .into_iter()
-        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+}
+
+/// The name among `known` nearest to `name` in spelling.
+pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    by_likeness(name, known).into_iter().next()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proprio_core::go2::JOINT_NAMES;
+
+    #[test]
+    fn of_many_names_the_nearest_are_listed() {
+        let many = (0..30).map(|n| format!("joint_{n}"));
+        let unknown = UnknownName::new("joint", "joint_29x", many);
+        let text = unknown.to_string();
+        assert!(
+            text.starts_with("there is no joint `joint_29x`; of 30 the nearest are joint_29, "),
+            "{text}"
+        );
+        assert_eq!(text.matches("joint_").count(), 6, "{text}");
+        let few = UnknownName::new("leg", "FX", ["FR", "FL"]).to_string();
+        assert_eq!(few, "there is no leg `FX`; there are FR, FL");
+    }
 
     #[test]
     fn a_wrong_name_suggests_the_nearest() {

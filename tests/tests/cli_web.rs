@@ -11,6 +11,11 @@ use std::time::{Duration, Instant};
 use proprio_tests::browser::Browser;
 use proprio_tests::command::{binary, done, folder, proprio, stderr};
 
+use crate::report::axe;
+
+/// Height of the page on a phone at most, px: joints, plots in two columns, six candidates, and as many events as are shown at once.
+const HIGHEST_ON_A_PHONE: f64 = 2600.0;
+
 /// A monitor that serves a page.
 struct Monitor {
     child: Child,
@@ -109,6 +114,15 @@ fn the_page_shows_what_the_screen_shows_and_does_what_its_keys_do() {
         &mut browser,
         "document.querySelectorAll('#residuals .band').length === 12",
     );
+    // On a phone and on a desk it is usable by everyone, no wider than the screen, and what gains nothing beyond its error is folded.
+    for (width, most) in [(400, HIGHEST_ON_A_PHONE), (1400, f64::INFINITY)] {
+        browser.resize(width, 800, width < 800);
+        let height = browser.eval("document.documentElement.scrollHeight");
+        assert!(height.as_f64().unwrap() <= most, "{height} px at {width}");
+        let wider = browser.eval("document.documentElement.scrollWidth - innerWidth");
+        assert!(wider.as_f64().unwrap() <= 0.0, "{wider} px at {width}");
+        assert_eq!(axe(&mut browser)["found"], serde_json::json!([]), "{width}");
+    }
     // What is found missing is added, and then is the model's.
     browser.eval("document.querySelector('[aria-label=\"add quadratic_drag:FR_calf\"]').click()");
     until(

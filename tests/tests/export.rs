@@ -7,7 +7,7 @@ use std::process::Output;
 use nalgebra::SVector;
 use proprio_core::effect::EffectKind;
 use proprio_host::log::sha256;
-use proprio_host::model::{Model, Robot};
+use proprio_host::model::{BASE, Model, Robot};
 use proprio_tests::command::{proprio, stderr, stdout};
 use serde::Deserialize;
 use tempfile::TempDir;
@@ -214,7 +214,38 @@ fn a_saturation_is_a_limit_of_effort() {
         stderr(&output),
         "note: left out: saturation (FL_thigh): the joint has no <limit>, which needs a\n  velocity too\n"
     );
-    assert!(stdout(&output).contains("1 effects"), "{}", stdout(&output));
+    assert_eq!(stdout(&output), "Wrote out.urdf: 1 effect.\n");
+}
+
+/// A walk's trunk goes into the user's own file, less what the file fixes to it; a model's base without a body in the file is named.
+#[test]
+fn a_trunk_is_written_into_the_users_file() {
+    let folder = folder();
+    let mut trunk = *Robot::go2().base_inertia();
+    trunk.0 *= 1.25;
+    model_with(folder.path(), |model| {
+        model.set_body(BASE, &trunk, None).unwrap();
+    });
+    let output = export(folder.path(), &["--urdf", "go2.urdf", "-o", "out.urdf"]);
+    assert_eq!(stdout(&output), "Wrote out.urdf: 1 body.\n");
+    let robot = Robot::from_urdf(&folder.path().join("out.urdf")).unwrap();
+    assert!((robot.base_inertia().0 - trunk.0).amax() < 1e-9);
+
+    let own = fs::read_to_string(oracle("user.xml")).unwrap();
+    let written = exported(folder.path(), &["--mjcf", "user.xml"]);
+    let masses = |text: &str| -> Vec<f64> {
+        let all = text.split(" mass=\"").skip(1);
+        all.map(|rest| rest.split('"').next().unwrap().parse().unwrap())
+            .collect()
+    };
+    let (own, written) = (masses(&own), masses(&written));
+    // The first is the trunk's own; what it carries without joints and all else is as it was.
+    assert_eq!(own[1..], written[1..]);
+    let carried = Robot::go2().base_inertia().mass() - own[0];
+    assert!(
+        (written[0] + carried - trunk.mass()).abs() < 1e-9,
+        "{written:?}"
+    );
 }
 
 /// The first body of a file is changed, the rest of the file is not.
@@ -257,14 +288,11 @@ fn what_a_format_cannot_say_is_said() {
         model.add_effect(EffectKind::Coulomb, 2);
     });
     let output = export(folder.path(), &["--urdf", "-o", "out.urdf"]);
-    assert_eq!(
-        stdout(&output),
-        "Wrote 12 bodies and 0 effects to out.urdf.\n"
-    );
+    assert_eq!(stdout(&output), "Wrote out.urdf: 13 bodies.\n");
     assert_eq!(
         stderr(&output),
-        "note: coulomb:FR_calf has no value yet: identify the model first\n\
-         note: left out: armature (FR_hip), bias (FR_hip): URDF has no word for it\n"
+        "note: left out: armature (FR_hip), bias (FR_hip): URDF has no word for it\n\
+         note: left out: coulomb (FR_calf): no value yet, identify the model first\n"
     );
     let report = exported(folder.path(), &["--mjcf", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
@@ -299,7 +327,7 @@ fn a_zero_that_is_no_finding_is_not_written() {
     );
     assert_eq!(
         stderr(&output),
-        "note: left as the file has it, for the fit found none: armature:FL_hip,\n  armature:FL_thigh\n"
+        "note: left out: armature (FL_hip, FL_thigh): the fit found none\n"
     );
     let whole = exported(folder.path(), &["--mjcf", "--json"]);
     let whole: serde_json::Value = serde_json::from_str(&whole).unwrap();

@@ -231,7 +231,7 @@ fn an_elastic_robot_is_sent_to_frf() {
     for part in [
         "an elastic robot",
         "elbow",
-        "hint: proprio frf soft.csv -m MODEL",
+        "hint: proprio frf soft.csv -m arm.toml",
     ] {
         assert!(message.contains(part), "{part}: {message}");
     }

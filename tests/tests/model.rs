@@ -158,11 +158,21 @@ fn a_link_without_mass_that_carries_a_load_is_the_load() {
 fn a_name_that_does_not_exist_brings_the_nearest() {
     let folder = folder();
     let add = |what| refused(folder.path(), &["add", what, "-m", "m.toml"]);
-    assert!(add("coulom").ends_with("hint: did you mean `coulomb`?\n"));
+    assert!(
+        add("coulom").ends_with("hint: did you mean `coulomb`? `proprio effects` lists them all\n")
+    );
     assert!(add("coulomb:FR_knee").ends_with("hint: did you mean `FR_calf`?\n"));
     assert!(
-        add("friction")
-            .starts_with("error: there is no effect `friction`; there are viscous, coulomb,")
+        add("friction").starts_with("error: there is no effect `friction`; of 32 the nearest are ")
+    );
+    // A walk finds a payload of the base; in a model file it is the base's own inertia.
+    let base = add("payload:base");
+    assert!(base.contains("`[body.base]`"), "{base}");
+    assert!(
+        base.ends_with(
+            "diagnose --free-base LOG -m m.toml --apply` finds it on a walk and adds it there\n"
+        ),
+        "{base}"
     );
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -51,6 +51,8 @@ struct Report {
     output: Option<PathBuf>,
     /// Bodies written.
     bodies: Vec<String>,
+    /// Joints whose origins were corrected.
+    origins: Vec<String>,
     /// Effects written.
     effects: Vec<String>,
     /// What the format cannot state.
@@ -69,6 +71,7 @@ impl Export {
         let Exported {
             text,
             bodies,
+            origins,
             effects,
             notes,
         } = match (&self.urdf, &self.mjcf) {
@@ -86,6 +89,7 @@ impl Export {
                 &Report {
                     output,
                     bodies,
+                    origins,
                     effects,
                     notes,
                     text,
@@ -96,12 +100,22 @@ impl Export {
             eprint!("{}", wrapped(&format!("note: {note}"), "", "  "));
         }
         Ok(match self.output {
-            Some(path) => format!(
-                "Wrote {} bodies and {} effects to {}.\n",
-                bodies.len(),
-                effects.len(),
-                path.display()
-            ),
+            Some(path) => {
+                let counts = [
+                    (bodies.len(), ["body", "bodies"]),
+                    (origins.len(), ["joint origin", "joint origins"]),
+                    (effects.len(), ["effect", "effects"]),
+                ];
+                let some = counts.into_iter().filter(|(n, _)| *n > 0);
+                let counts: Vec<String> = some
+                    .map(|(n, [one, many])| format!("{n} {}", if n == 1 { one } else { many }))
+                    .collect();
+                let what = match counts.is_empty() {
+                    true => "no body and no effect, for none has a value".to_owned(),
+                    false => counts.join(", "),
+                };
+                format!("Wrote {}: {what}.\n", path.display())
+            }
             None => text,
         })
     }

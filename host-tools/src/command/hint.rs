@@ -24,6 +24,7 @@ use crate::monitor::{FeedError, JournalError};
 use crate::recording::RecordingError;
 use crate::spectrum::FrfError;
 use crate::validate::ValidateError;
+use proprio_simulator::FollowError;
 use proprio_simulator::walk::WalkError;
 
 use super::Error;
@@ -122,6 +123,10 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Validate(_) => None,
         Error::Shapes(_) => Some(
             "a file of shapes has `[[capsule]]` with name, body, ends, radius and `[[plane]]` with name, normal, offset"
+                .to_owned(),
+        ),
+        Error::Follow(FollowError::Joint { .. }) => Some(
+            "only a Go2 is simulated: play the motion on its robot, or in MuJoCo by examples/play_in_mujoco.py, record it, then: proprio validate LOG -m MODEL"
                 .to_owned(),
         ),
         Error::Follow(_) => Some("`proprio excite -o motion.csv` makes a motion to follow".to_owned()),
@@ -429,7 +434,7 @@ fn of_log(error: &LogError) -> String {
         Problem::DuplicateColumn { .. } => "rename or delete one of the two".to_owned(),
         Problem::UnknownName { nearest, .. } => format!("did you mean `{nearest}`?"),
         Problem::OtherRobot { joints, .. } => format!(
-            "its joints are {}; for another robot name its model: `-m MODEL`, made by `proprio add EFFECT -m MODEL --urdf FILE`",
+            "its joints are {}; for another robot name its model: `-m ROBOT.toml`, made by `proprio add EFFECT -m ROBOT.toml --urdf FILE`",
             joints.join(", ")
         ),
         Problem::NoJoints { joints } => {

@@ -67,7 +67,7 @@ use crate::progress::Progress;
 use crate::recording::{Recording, RecordingError};
 use crate::report::pages::Unreadable;
 use crate::spectrum::FrfError;
-use crate::summary::{Summary, quoted, typed};
+use crate::summary::{Summary, quoted, typed, word};
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -201,12 +201,14 @@ pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
         },
         Err(Error::Write(error)) if has_seen_enough(&error.source) => SUCCESS,
         Err(error) => {
+            let hint = hint::of(&error).map(|hint| with_model(hint, &matches));
             if let Some(command) = as_json(&matches) {
                 // What cannot be written is on standard error too.
-                let _ = std::io::stdout().write_all(result::refused(command, &error).as_bytes());
+                let refused = result::refused(command, &error, hint.clone());
+                let _ = std::io::stdout().write_all(refused.as_bytes());
             }
             eprintln!("error: {error}");
-            if let Some(hint) = hint::of(&error) {
+            if let Some(hint) = hint {
                 eprintln!("hint: {hint}");
             }
             FAILURE
@@ -228,6 +230,18 @@ fn run(matches: &ArgMatches) -> Result<String, Error> {
     // Clap has matched the same definition.
     let arguments = Arguments::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
     arguments.run(matches)
+}
+
+/// A hint in which `MODEL` is the one model that the command names, so that it can be typed.
+fn with_model(hint: String, matches: &ArgMatches) -> String {
+    let (Some(at), Some((_, command))) = (hint.find("-m MODEL"), matches.subcommand()) else {
+        return hint;
+    };
+    let models = command.try_get_many::<PathBuf>("model").ok().flatten();
+    match models.map(Iterator::collect::<Vec<_>>).as_deref() {
+        Some([model]) => format!("{}-m {}{}", &hint[..at], word(model), &hint[at + 8..]),
+        _ => hint,
+    }
 }
 
 /// The command that is to print JSON, if it is.

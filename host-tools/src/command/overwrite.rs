@@ -124,7 +124,9 @@ fn standing(path: &Path) -> Standing {
     if !header.is_empty() && header.split(',').all(|name| name.starts_with("q/")) {
         return Standing::Own("a list of poses");
     }
-    if path.with_extension("truth.json").exists() {
+    // Beside `log.truth.json` only the log itself is simulated, not a capture `log.cap` of a bus, which nothing makes again.
+    let is_log = header.split(',').any(|name| name.starts_with("q/"));
+    if is_log && path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
     }
     // A longer one is a log, of which a reader of TOML would take many times the length in memory.
@@ -169,6 +171,23 @@ mod tests {
                 let is_path = argument.get_value_parser().type_id() == path;
                 assert!(known || !is_path, "{} {id}", command.get_name());
             }
+        }
+    }
+
+    /// A log that is simulated may be made again; a capture of a bus that lies beside its truth may not.
+    #[test]
+    fn only_the_log_of_a_truth_is_simulated() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("log.truth.json"), "{}").unwrap();
+        for (name, text, own) in [
+            ("log.csv", "t,q/hip,dq/hip\n0,0,0\n", true),
+            ("log.csv", "q/hip,x/hand,y/hand,z/hand\n0,0,0,0\n", true),
+            ("log.cap", "\u{1}capture of a bus", false),
+        ] {
+            fs::write(at(name), text).unwrap();
+            let found = standing(&at(name));
+            assert_eq!(matches!(found, Standing::Own(_)), own, "{name}");
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use serde::Serialize;
 
-use super::{Error, hint, json};
+use super::{Error, json};
 use crate::diagnose::Diagnosis;
 use crate::recording::LogGates;
 use crate::summary::ErrorRange;
@@ -48,11 +48,11 @@ pub fn diagnosis(data: &[LogGates], diagnosis: &Diagnosis) -> String {
 }
 
 /// What `command` prints when it has no result.
-pub(super) fn refused(command: &str, error: &Error) -> String {
+pub(super) fn refused(command: &str, error: &Error, hint: Option<String>) -> String {
     let refusal = Refusal {
         verdict: "refused",
         reason: error.to_string(),
-        hint: hint::of(error),
+        hint,
     };
     named(command, None, &refusal)
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::model::{BASE, Model, Source, Witnessed};
 use crate::summary::{Summary, joints_in_words, typed};
-use crate::table::Table;
+use crate::table::{Table, with_std};
 use clap::Args;
 use serde::Serialize;
 
@@ -187,8 +187,16 @@ impl Report {
             .chain(self.witnesses.iter().map(ToString::to_string));
         let found = self.logs.iter().all(|log| Path::new(log).exists());
         let logs: Vec<PathBuf> = self.logs.iter().map(PathBuf::from).collect();
-        let next = (found && !logs.is_empty())
-            .then(|| format!("proprio compare {}", typed(&logs, Some(&self.model))));
+        // Logs of a walk are compared as such: the command that made the model said so.
+        let walked =
+            (self.command.iter()).any(|made| made.contains("--f") && made.contains("-base"));
+        let on_feet = if walked { "--free-base " } else { "" };
+        let next = (found && !logs.is_empty()).then(|| {
+            format!(
+                "proprio compare {on_feet}{}",
+                typed(&logs, Some(&self.model))
+            )
+        });
         let screen = Summary {
             headline: format!(
                 "{}: {} ({}), {} joints; {} effects, {} bodies that are not the CAD's",
@@ -285,8 +293,11 @@ fn range(effects: &[&Effect]) -> String {
 impl Effect {
     fn words(&self) -> Option<String> {
         let value = self.value?;
-        let std = self.std.map_or(String::new(), |std| format!(" ±{std:.4}"));
-        Some(format!("{} {value:.4}{std}", self.joint))
+        let value = match self.std {
+            Some(std) => with_std(value, std),
+            None => format!("{value:.4}"),
+        };
+        Some(format!("{} {value}", self.joint))
     }
 }
 

@@ -18,7 +18,7 @@ use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
 use crate::model::{Model, ModelEffect};
-use crate::summary::{Summary, typed};
+use crate::summary::Summary;
 use crate::table::Table;
 
 /// What `proprio compare --free-base` says.
@@ -229,11 +229,13 @@ fn coordinates(left: &[Left], robot: &Legged) -> Vec<CoordinateError> {
 impl FreeBaseComparison {
     /// The first screen, as [`Comparison::summary`].
     pub fn summary(&self, model: Option<&Path>) -> Summary {
-        let with = typed(&self.comparison.logs, model);
-        Summary {
-            next: vec![format!("proprio diagnose --free-base {with}")],
-            ..self.comparison.summary(model)
+        let mut summary = self.comparison.summary(model);
+        for command in &mut summary.next {
+            for name in ["proprio diagnose ", "proprio identify "] {
+                *command = command.replacen(name, &format!("{name}--free-base "), 1);
+            }
         }
+        summary
     }
 
     /// The comparison in words, as [`Comparison::text`], and each coordinate's error.

@@ -4,10 +4,20 @@ use std::path::Path;
 
 use super::text::{NO_STRUCTURE, WORTH_A_DIAGNOSIS, named};
 use super::{Comparison, black_box};
-use crate::summary::{POINTS, Summary, torque, typed};
+use crate::summary::{POINTS, Summary, torque, typed, word};
 
 /// A pattern with less of the square error is no point, %.
 const LEAST_PERCENT: f64 = 1.0;
+
+/// The command that writes a model for MuJoCo, beside where it is typed.
+fn export(model: &Path) -> String {
+    let file = Path::new(model.file_name().unwrap_or_default()).with_extension("xml");
+    format!(
+        "proprio export -m {} --mjcf -o {}",
+        word(model),
+        word(&file)
+    )
+}
 
 impl Comparison {
     /// The first screen: how large the error is, where it lives, and what to ask next.
@@ -28,19 +38,21 @@ impl Comparison {
         let mut shares: Vec<(f64, String)> = patterns.chain(self.unexplained()).collect();
         shares.sort_by(|a, b| b.0.total_cmp(&a.0));
         points.extend(shares.into_iter().map(|(_, words)| words));
-        if points.is_empty() {
+        let has_structure = !points.is_empty();
+        if !has_structure {
             points.push(NO_STRUCTURE.to_owned());
         }
         let bound = self.black_box.as_ref().filter(|boxes| boxes.is_known());
         points.truncate(POINTS - usize::from(bound.is_some()));
         points.extend(bound.map(black_box::sentence));
         let with = typed(&self.logs, model);
-        let lacks = self
-            .above_noise_percent
-            .is_none_or(|share| share > WORTH_A_DIAGNOSIS);
+        let lacks =
+            (self.above_noise_percent).map_or(has_structure, |share| share > WORTH_A_DIAGNOSIS);
         let next = match (lacks, model) {
             _ if self.elastic.is_some() => format!("proprio frf {with}"),
             (true, _) => format!("proprio diagnose {with}"),
+            // A model that lacks nothing, by its own values: it is ready for use.
+            (false, Some(model)) if !self.fitted => export(model),
             (false, _) => format!("proprio identify {with}"),
         };
         Summary {

@@ -146,7 +146,7 @@ impl Comparison {
 
     /// How far a black box would come, and what that says of what is missing.
     fn write_black_box(&self, to: &mut String) -> fmt::Result {
-        let Some(boxes) = &self.black_box else {
+        let Some(boxes) = self.black_box.as_ref().filter(|boxes| boxes.is_known()) else {
             return Ok(());
         };
         let noise = self.yardsticks.floor_beside(boxes.lowest());

@@ -29,7 +29,8 @@ pub struct ParameterEstimate {
     pub prior_std: f64,
     /// Where the value comes from.
     pub status: Status,
-    /// The data would have it beyond what is physical; it is held at the bound.
+    /// The data would have it beyond what is physical: it is held at the bound, or, in a free fit, lies more than two standard deviations
+    /// beyond it.
     pub at_bound: bool,
 }
 
@@ -134,7 +135,10 @@ pub fn of_device(
             prior,
             prior_std,
             status: Status::there(std, prior_std, std, there),
-            at_bound: physical && lower == Some(value),
+            at_bound: lower.is_some_and(|lower| match physical {
+                true => value == lower,
+                false => value + 2.0 * std < lower,
+            }),
         };
         match effect {
             Some(effect) => estimate.unless_absent(effect, 0),
@@ -212,7 +216,7 @@ impl ParameterEstimate {
 
 /// What [`effect_table`]'s marks mean.
 pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) prior-dominated, or within 2σ of an absent effect,\n\
-                          (u) unexcited: the prior alone, (b) at a bound, not identified: without the bound the value is unphysical.";
+                          (u) unexcited: the prior alone, (b) at a bound or beyond it, not identified: the data's own value is unphysical.";
 
 /// A table of what every drive has, joint by joint, with further columns of which the headings, units and cells are given. `find` gives the
 /// estimate of that name; an effect that no joint has is left out.
@@ -314,6 +318,23 @@ mod tests {
             };
             let status = estimate.unless_absent(effect, n).status;
             assert_eq!(status, expected, "{} {n}: {value} ± {std}", effect.name());
+        }
+    }
+
+    /// A device's friction and rotor inertia may come out negative: within two deviations that is none, beyond it is no value.
+    #[test]
+    fn a_free_value_beyond_its_bound_is_marked() {
+        let joint = JointId::of(Leg::FR)[0];
+        let effects = [(joint, EffectKind::Armature)];
+        for (value, at_bound) in [(-0.0056, true), (-0.0003, false), (0.005, false)] {
+            let mut values = vec![0.0; LEG_INERTIAL];
+            let mut std = vec![0.0; LEG_INERTIAL];
+            values.push(value);
+            std.push(0.0005);
+            let all = of_device(Leg::FR, &effects, &values, &std, Constraint::Free).unwrap();
+            let own = all.last().unwrap();
+            assert_eq!(own.at_bound, at_bound, "{value}");
+            assert_eq!(own.cell().ends_with("(b)"), at_bound, "{}", own.cell());
         }
     }
 

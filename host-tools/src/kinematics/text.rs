@@ -57,11 +57,9 @@ impl Calibration {
                 self.poses
             )
         } else {
-            let causes = if steps.len() == 1 {
-                "1 cause".to_owned()
-            } else {
-                format!("{} causes", steps.len())
-            };
+            let mut causes: Vec<&str> = steps.iter().filter_map(|step| step.effect).collect();
+            causes.dedup();
+            let causes = causes.join(", ");
             format!(
                 "Missing: {causes}. Held-out error {} → {} mm over {} poses",
                 mm(first),

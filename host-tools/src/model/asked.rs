@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 
 use super::{JointKind, Model, Robot, UnknownName};
 use crate::catalogue::{self, RegisterError};
@@ -14,6 +14,11 @@ pub enum AskedError {
     /// An effect or a joint that does not exist.
     #[error(transparent)]
     Name(#[from] UnknownName),
+    /// A payload of the base, which is no effect: a body states its own inertia.
+    #[error(
+        "what the base carries is part of its inertia, `[body.base]` in the model file, and no effect"
+    )]
+    OfBase,
     /// A formula that cannot be.
     #[error("the formula is refused: {0}")]
     Formula(#[from] FormulaError),
@@ -79,6 +84,12 @@ impl Model {
     pub fn asked(&self, text: &str) -> Result<Vec<(EffectKind, usize)>, AskedError> {
         let robot = self.robot();
         let Some(parts) = parts(robot, text) else {
+            if let Some((effect, "base")) = text.split_once(':') {
+                let kind = catalogue::effect_named(effect).map(|kind| kind.description().form);
+                if kind == Some(Form::Inertia) {
+                    return Err(AskedError::OfBase);
+                }
+            }
             let (effect, joints) = robot.places(text)?;
             return Ok(joints.into_iter().map(|joint| (effect, joint)).collect());
         };
@@ -204,5 +215,6 @@ mod tests {
         }
         assert_eq!(model.asked("bias:FR_hip,FR_calf").unwrap().len(), 2);
         assert!(model.asked("bias:FR_hip,FR_knee").is_err());
+        assert_eq!(model.asked("payload:base"), Err(AskedError::OfBase));
     }
 }

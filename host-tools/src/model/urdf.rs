@@ -18,7 +18,7 @@ use proprio_core::inertia::InertialParameters;
 use super::{Robot, RobotError, RobotProblem, Source, Unphysical};
 use elements::Elements;
 use links::Links;
-use parts::Parts;
+use parts::{BaseLink, Parts};
 
 /// A robot as its URDF has it, physical or not.
 #[derive(Debug)]
@@ -29,6 +29,8 @@ pub(super) struct Description {
     pub(super) robot: Robot,
     /// Per body, what the links fixed to the moving one contribute to it.
     pub(super) carried: Vec<InertialParameters<f64>>,
+    /// The base's link and those fixed to it.
+    pub(super) base_links: Vec<BaseLink>,
     /// Per body, whether it or what is fixed to it has a shape.
     shapes: Vec<bool>,
     path: PathBuf,
@@ -92,6 +94,7 @@ impl Description {
         Ok(Self {
             robot,
             carried: parts.carried,
+            base_links: parts.base_links,
             shapes: parts.shapes,
             path: path.to_owned(),
             text,

@@ -23,7 +23,7 @@ function paintRobot(errors) {
     link.style.color = `color-mix(in oklab, var(--heat-most) ${share}%, var(--heat-least))`;
     link.querySelector('title').textContent = `${link.dataset.joint}: ${rms.toFixed(3)} N m`;
   }
-  const words = { start: `least: ${least[0]}, ${Number(least[1].toPrecision(3))}`, end: `most: ${most[0]}, ${Number(most[1].toPrecision(3))} N m rms` };
+  const words = { start: `least: ${least[0]}, ${Number(least[1].toPrecision(3))}`, end: `most: ${most[0]}, ${Number(most[1].toPrecision(3))}\u00a0N\u00a0m\u00a0rms` };
   for (const [key, text] of Object.entries(words)) {
     const place = document.getElementById(`scale-${key}`);
     if (place) place.textContent = text;

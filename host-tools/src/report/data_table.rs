@@ -7,6 +7,9 @@ use super::escape;
 /// Rows from which on a table can be filtered.
 const LONG: usize = 12;
 
+/// Rows up to which a table stands whole: two models at the 12 joints of a Go2 and over all.
+const WHOLE: usize = 26;
+
 /// A table.
 pub(super) struct DataTable {
     pub(super) columns: Vec<Column>,
@@ -63,7 +66,11 @@ impl DataTable {
                  autocomplete=\"off\" spellcheck=\"false\"> <output></output></label>\n",
             );
         }
-        to.push_str("<div class=\"scroll\" tabindex=\"0\"><table><thead><tr>");
+        let long = if self.rows.len() > WHOLE { " long" } else { "" };
+        let _ = write!(
+            to,
+            "<div class=\"scroll{long}\" tabindex=\"0\"><table><thead><tr>"
+        );
         for column in &self.columns {
             let _ = write!(
                 to,

@@ -14,6 +14,47 @@ pub fn html(text: &str) -> Cow<'_, str> {
     })
 }
 
+/// Units as texts have them, and what stands after a unit's first word: `N m s/rad`, `N m rms`.
+const UNITS: [&str; 18] = [
+    "N", "%", "s", "ms", "h", "kg", "g", "mm", "m", "km", "Hz", "rad", "mrad", "rad/s", "rad/s²",
+    "A", "W", "°C",
+];
+const WITHIN_UNITS: [&str; 10] = [
+    "m",
+    "m²",
+    "m^2",
+    "m/rad",
+    "s/rad",
+    "s²/rad²",
+    "m/kg",
+    "rms",
+    "s/m",
+    "s²/m²",
+];
+
+/// Text of sentences for HTML: lines do not break inside a value, between a number and its unit or after ±.
+pub fn prose(text: &str) -> String {
+    let mut joined = String::with_capacity(text.len() + 16);
+    let (mut before, mut in_unit) = ("", false);
+    for (n, word) in text.split(' ').enumerate() {
+        let bare = word.trim_end_matches(['.', ',', ';', ':', ')']);
+        // `(floor 0.087)` ends a value; `0.087, N` is no unit of it.
+        let after_number = before.ends_with(|c: char| c.is_ascii_digit());
+        let goes_on = in_unit && WITHIN_UNITS.contains(&bare);
+        let is_unit = after_number && UNITS.contains(&bare) || goes_on;
+        if n > 0 {
+            joined.push(if is_unit || before == "±" {
+                '\u{a0}'
+            } else {
+                ' '
+            });
+        }
+        joined += word;
+        (before, in_unit) = (word, is_unit && bare == word);
+    }
+    html(&joined).into_owned()
+}
+
 /// Text for a title, label or name in a plot: Plotly knows tags such as `<b>` and `<a>`, and entities.
 pub fn plot(text: &str) -> Cow<'_, str> {
     replaced(text, |c| match c {
@@ -55,6 +96,25 @@ fn replaced(text: &str, by: impl Fn(char) -> Option<&'static str>) -> Cow<'_, st
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_value_stays_on_one_line() {
+        for (text, expected) in [
+            (
+                "0.097 ± 0.017 N m s/rad, <b>",
+                "0.097 ±_0.017_N_m_s/rad, &lt;b&gt;",
+            ),
+            (
+                "1.27 → 0.065 mm over 20 poses",
+                "1.27 → 0.065_mm over 20 poses",
+            ),
+            ("a 5 s, m of 3 robots", "a 5_s, m of 3 robots"),
+            (" 2 %", " 2_%"),
+            ("", ""),
+        ] {
+            assert_eq!(prose(text), expected.replace('_', "\u{a0}"), "{text}");
+        }
+    }
 
     #[test]
     fn each_language_has_its_own_escapes() {

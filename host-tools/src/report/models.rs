@@ -1,7 +1,13 @@
 //! Errors of several models, joint by joint.
 
+use plotly::Bar;
+use plotly::common::Marker;
+use plotly::layout::BarMode;
+
 use super::data_table::{Cell, Column, DataTable};
-use super::section::Section;
+use super::escape;
+use super::figure::{Figure, axis, colour, layout, plotted};
+use super::section::{Key, Mark, Section};
 
 /// A model's error at a joint, or over all.
 #[derive(Debug, Clone)]
@@ -18,9 +24,27 @@ pub struct Row {
     pub floor: Option<f64>,
 }
 
-/// A table that can be sorted.
-pub fn section(rows: &[Row]) -> Section {
+/// Bars of each joint, model beside model, and a table that can be sorted; `models` in their order.
+pub fn section(rows: &[Row], models: &[String]) -> Section {
     let column = Column::new;
+    let bars = |(n, model): (usize, &String)| {
+        let own = || rows.iter().filter(|row| row.model == *model);
+        let joints: Vec<String> = own()
+            .map(|row| escape::plot(&row.joint).into_owned())
+            .collect();
+        Bar::new(joints, plotted(own().map(|row| row.rms)))
+            .name(escape::plot(model))
+            .marker(Marker::new().color(colour::MODELS[n % colour::MODELS.len()]))
+            as Box<dyn plotly::Trace>
+    };
+    let key = |(n, model): (usize, &String)| {
+        Key::new(
+            model,
+            colour::MODELS[n % colour::MODELS.len()],
+            Mark::Area,
+            Some(n),
+        )
+    };
     let row = |row: &Row| {
         let floor = row.floor.map_or(Cell::text(""), |floor| {
             Cell::number(format!("{floor:.4}"), floor)
@@ -39,6 +63,15 @@ pub fn section(rows: &[Row]) -> Section {
         text: "Root mean square of measured less predicted torque, over the windows in which every model is judged; the fit is 100 % of a model \
                without error and 0 % of the torque’s own mean."
             .to_owned(),
+        legend: models.iter().enumerate().map(key).collect(),
+        figures: vec![Figure {
+            title: "Error of each joint".to_owned(),
+            traces: models.iter().enumerate().map(bars).collect(),
+            layout: layout(axis(""), axis("error (N m rms)")).bar_mode(BarMode::Group),
+            group: None,
+            height: 320,
+        }],
+        columns: 1,
         table: Some(DataTable {
             columns: vec![
                 column("model", false),

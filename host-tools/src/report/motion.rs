@@ -143,10 +143,10 @@ pub fn search(curves: &[(String, Vec<[f64; 2]>)]) -> Section {
 }
 
 /// Feedback torque over time, model beside model, a plot for each joint.
-pub fn feedback(models: &[Feedback]) -> Section {
+pub fn feedback(models: &[&Feedback]) -> Section {
     let joints = models.first().map_or(0, |model| model.joints.len());
     let figure = |j: usize| {
-        let trace = |(n, model): (usize, &Feedback)| {
+        let trace = |(n, model): (usize, &&Feedback)| {
             let values: Vec<f64> = model.series[j].iter().map(|point| point[1]).collect();
             let kept = thin::extremes(&values, POINTS);
             let t = plotted(kept.iter().map(|&k| model.series[j][k][0]));
@@ -164,7 +164,7 @@ pub fn feedback(models: &[Feedback]) -> Section {
             height: 220,
         }
     };
-    let key = |(n, model): (usize, &Feedback)| Key {
+    let key = |(n, model): (usize, &&Feedback)| Key {
         label: model.model.clone(),
         colour: colour::MODELS[n % colour::MODELS.len()],
         mark: [Mark::Solid, Mark::Dashed, Mark::Dotted][n % 3],

@@ -164,7 +164,7 @@ impl fmt::Display for Header {
             writeln!(
                 f,
                 "<p class=\"headline\">{}</p>",
-                escape::html(&self.headline)
+                escape::prose(&self.headline)
             )?;
         }
         let (first, rest) = self.findings.split_at(self.findings.len().min(POINTS));
@@ -203,7 +203,7 @@ fn write_points(f: &mut fmt::Formatter<'_>, points: &[Finding]) -> fmt::Result {
     }
     f.write_str("<ul class=\"findings\">\n")?;
     for point in points {
-        write!(f, "<li>{}", escape::html(&point.text))?;
+        write!(f, "<li>{}", escape::prose(&point.text))?;
         if let Some(Moment { joint, time }) = &point.moment {
             let joint = escape::html(joint);
             write!(

@@ -135,7 +135,7 @@ fn svg(
         let name = &model.robot().bodies()[*b].name;
         let rms = joints.iter().find(|j| j.name == *name).map(|j| j.rms);
         let [from, to] = [place(&ends[0]), place(&ends[1])];
-        labels.keep_clear_of(from, to);
+        labels.keep_clear_of(name, from, to);
         let ([x1, y1], [x2, y2]) = (from, to);
         let told = rms.map_or_else(|| "not recorded".to_owned(), |rms| format!("{rms:.3} N m"));
         let name = escape::html(name);
@@ -147,19 +147,18 @@ fn svg(
         );
     }
     let [from, to] = ahead.map(|x| place(&x));
-    labels.keep_clear_of(from, to);
+    labels.keep_clear_of("", from, to);
     text += &arrow_of(from, to);
     let towards = if model.feet().is_empty() {
         "x of the base"
     } else {
         "front"
     };
-    let mut names = vec![(towards, to)];
+    let mut names = vec![(towards, [to, to])];
     for (b, ends) in order.iter().rev() {
         let name = model.robot().bodies()[*b].name.as_str();
         if names.iter().all(|(known, _)| *known != name) {
-            let [[x1, y1], [x2, y2]] = [place(&ends[0]), place(&ends[1])];
-            names.push((name, [0.5 * (x1 + x2), 0.5 * (y1 + y2)]));
+            names.push((name, [place(&ends[0]), place(&ends[1])]));
         }
     }
     for (name, at) in names {
@@ -211,11 +210,17 @@ fn arrow_of([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> String {
     )
 }
 
+/// Places along a link, as shares of it, and distances from there, at which its name is tried.
+const ALONG: [f64; 3] = [0.5, 0.3, 0.7];
+const REACH: [f64; 4] = [8.0, 16.0, 26.0, 38.0];
+/// A name is nearer to its own link than to any other by so much, half a line.
+const CLEARLY: f64 = 0.5 * LINE;
+
 /// Where names stand: each beside its link, where it covers least of what is there already.
 struct Labels {
     size: [f64; 2],
-    /// Points of links.
-    points: Vec<[f64; 2]>,
+    /// Points of links, and whose each is.
+    points: Vec<([f64; 2], String)>,
     /// Names that are placed: left, right, top, bottom.
     taken: Vec<[f64; 4]>,
 }
@@ -229,18 +234,24 @@ impl Labels {
         }
     }
 
-    fn keep_clear_of(&mut self, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
+    fn keep_clear_of(&mut self, name: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
         let steps = (((x2 - x1).hypot(y2 - y1) / 4.0) as usize).max(1);
         let share = |k: usize| k as f64 / steps as f64;
         let points = (0..=steps).map(|k| [x1 + share(k) * (x2 - x1), y1 + share(k) * (y2 - y1)]);
-        self.points.extend(points);
+        self.points
+            .extend(points.map(|point| (point, name.to_owned())));
     }
 
-    /// Where the text of a name of something at `at` begins, its foot line.
-    fn place(&mut self, name: &str, [x, y]: [f64; 2]) -> [f64; 2] {
+    /// Where the text of a name of what reaches from `from` to `to` begins, its foot line.
+    fn place(&mut self, name: &str, [from, to]: [[f64; 2]; 2]) -> [f64; 2] {
         let (width, height) = (LETTER * name.chars().count() as f64, LINE);
         let mut best = (f64::INFINITY, [0.0; 4]);
-        for reach in [8.0, 16.0, 26.0, 38.0] {
+        // Beside the middle first: on a tie the first stays.
+        for (along, reach) in ALONG
+            .iter()
+            .flat_map(|along| REACH.map(|reach| (along, reach)))
+        {
+            let [x, y] = [0, 1].map(|k| from[k] + along * (to[k] - from[k]));
             for turn in 0..12 {
                 let angle = f64::from(turn) * std::f64::consts::TAU / 12.0;
                 let [dx, dy] = [angle.cos(), angle.sin()];
@@ -255,7 +266,7 @@ impl Labels {
                     cy - 0.5 * height,
                     cy + 0.5 * height,
                 ];
-                let cost = self.covered(&area) + 0.05 * reach;
+                let cost = self.covered(&area) + 0.05 * reach + self.astray(name, [cx, cy]);
                 if cost < best.0 {
                     best = (cost, area);
                 }
@@ -266,13 +277,28 @@ impl Labels {
         [area[0], area[3] - 3.0]
     }
 
+    /// By how much another link is nearer to a name's middle than its own: who reads takes it for that one's.
+    fn astray(&self, name: &str, [x, y]: [f64; 2]) -> f64 {
+        let nearest = |own: bool| {
+            let points = self.points.iter().filter(|(_, of)| (of == name) == own);
+            points
+                .map(|([px, py], _)| (px - x).hypot(py - y))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let (own, other) = (nearest(true), nearest(false));
+        match own.is_finite() && own + CLEARLY > other {
+            true => own + CLEARLY - other,
+            false => 0.0,
+        }
+    }
+
     /// How much an area covers.
     fn covered(&self, [left, right, top, bottom]: &[f64; 4]) -> f64 {
         let beyond = (-left).max(0.0)
             + (right - self.size[0]).max(0.0)
             + (-top).max(0.0)
             + (bottom - self.size[1]).max(0.0);
-        let inside = |p: &&[f64; 2]| {
+        let inside = |(p, _): &&([f64; 2], String)| {
             p[0] > left - 3.0 && p[0] < right + 3.0 && p[1] > top - 3.0 && p[1] < bottom + 3.0
         };
         let overlap = |other: &[f64; 4]| {

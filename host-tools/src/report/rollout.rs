@@ -1,8 +1,18 @@
 //! Positions of a model run forward against measured ones, and the errors after each horizon.
 
+use plotly::Scatter;
+use plotly::common::Mode;
+use plotly::layout::AxisType;
+
 use super::data_table::{Cell, Column, DataTable};
-use super::section::Section;
+use super::figure::{Figure, axis, colour, dash, layout, line, plotted};
+use super::section::{Key, Mark, Section};
 use super::torque::{self, TorqueSeries};
+
+/// What errors are of, and how a plot shows each.
+const KINDS: [&str; 3] = ["model", "CAD alone", "joints’ displacement"];
+const COLOURS: [&str; 3] = [colour::MODELS[0], colour::MODELS[1], colour::MEASURED];
+const MARKS: [Mark; 3] = [Mark::Solid, Mark::Dashed, Mark::Dotted];
 
 /// A joint's error after a time, or that over all joints.
 #[derive(Debug, Clone)]
@@ -44,20 +54,49 @@ pub fn errors(rows: &[Row], under: &str) -> Section {
             "Root mean square of measured less simulated position at the end of rollouts, each from the measured state and under {under}. A \
              rollout that diverged is in no error."
         ),
+        legend: (KINDS.iter().zip(COLOURS).enumerate())
+            .map(|(n, (kind, colour))| Key::new(kind, colour, MARKS[n], Some(n)))
+            .collect(),
+        figures: vec![growth(rows)],
+        columns: 1,
         table: Some(DataTable {
             columns: vec![
                 column("joint", false),
                 column("unit", false),
                 column("after, s", true),
-                column("model", true),
-                column("CAD alone", true),
-                column("joints’ displacement", true),
+                column(KINDS[0], true),
+                column(KINDS[1], true),
+                column(KINDS[2], true),
                 column("rollouts", true),
                 column("diverged", true),
             ],
             rows: rows.iter().map(row).collect(),
         }),
         ..Section::default()
+    }
+}
+
+/// The error over all joints by the length of the rollouts: the rows of the first name.
+fn growth(rows: &[Row]) -> Figure {
+    let all = || rows.iter().filter(|row| row.joint == rows[0].joint);
+    let trace = |n: usize| {
+        let values = all().map(|row| row.rms[n].unwrap_or(f64::NAN));
+        Scatter::new(plotted(all().map(|row| row.seconds)), plotted(values))
+            .name(KINDS[n])
+            .mode(Mode::LinesMarkers)
+            .line(line(COLOURS[n], 2.0).dash(dash(n))) as Box<dyn plotly::Trace>
+    };
+    let logarithmic = |title: &str| axis(title).type_(AxisType::Log);
+    let unit = rows.first().map_or("rad", |row| row.unit);
+    Figure {
+        title: "Error over all joints".to_owned(),
+        traces: (0..KINDS.len()).map(trace).collect(),
+        layout: layout(
+            logarithmic("after (s)").tick_values(all().map(|row| row.seconds).collect()),
+            logarithmic(&format!("error ({unit} rms)")).dtick(1.0),
+        ),
+        group: None,
+        height: 320,
     }
 }
 

@@ -73,6 +73,9 @@ impl Frf {
                 .few
                 .map_or_else(String::new, |n| format!(" --experiments {n}"));
             format!("proprio frf {logs}{few} --apply")
+        } else if model.is_none() && self.joints.len() > 1 {
+            // Springs of several joints need the links' masses.
+            format!("proprio frf {logs} -m MODEL")
         } else {
             let stem = self
                 .logs

@@ -23,6 +23,8 @@ pub struct Candidate {
     pub name: String,
     /// The model; `None` feeds nothing forward.
     pub model: Option<Model>,
+    /// Whether it is another candidate's friction alone.
+    pub friction_only: bool,
 }
 
 /// The URDF, and of each model its friction on the URDF's bodies (where its bodies are its own) and itself.
@@ -30,6 +32,7 @@ pub fn candidates(urdf: &Model, models: Vec<(String, Model)>) -> Vec<Candidate> 
     let candidate = |name: String, model| Candidate {
         name,
         model: Some(model),
+        friction_only: false,
     };
     let mut all = vec![candidate("URDF".to_owned(), urdf.clone())];
     for (name, model) in models {
@@ -39,7 +42,10 @@ pub fn candidates(urdf: &Model, models: Vec<(String, Model)>) -> Vec<Candidate> 
             let placed =
                 (0..bodies.len()).try_for_each(|b| friction.set_body(b, &bodies[b].inertia, None));
             if placed.is_ok() {
-                all.push(candidate(format!("{name}, friction only"), friction));
+                all.push(Candidate {
+                    friction_only: true,
+                    ..candidate(format!("{name}, friction only"), friction)
+                });
             }
         }
         all.push(candidate(name, model));
@@ -65,6 +71,9 @@ pub struct JointFeedback {
 pub struct Feedback {
     /// The model's name.
     pub model: String,
+    /// Whether it is another one's friction alone, which a page does not draw.
+    #[serde(skip)]
+    pub friction_only: bool,
     /// Over all joints, N m.
     pub rms: f64,
     /// Share of the torques' mean square, in percent.
@@ -98,7 +107,7 @@ impl Sums {
     }
 }
 
-fn feedback(model: &str, joints: &[(String, Sums)]) -> Feedback {
+fn feedback(model: &Candidate, joints: &[(String, Sums)]) -> Feedback {
     let share = |part: f64, whole: f64| {
         if whole > 0.0 {
             100.0 * part / whole
@@ -110,7 +119,8 @@ fn feedback(model: &str, joints: &[(String, Sums)]) -> Feedback {
     let count = sum(|s| s.count).max(1.0);
     let error = (sum(|s| s.error) / count).sqrt();
     Feedback {
-        model: model.to_owned(),
+        model: model.name.clone(),
+        friction_only: model.friction_only,
         rms: (sum(|s| s.feedback) / count).sqrt(),
         share_percent: share(sum(|s| s.feedback), sum(|s| s.torque)),
         tracking_rms: error.is_finite().then_some(error),

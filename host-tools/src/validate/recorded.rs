@@ -75,7 +75,7 @@ pub fn recorded(
         let joints = limbs
             .iter()
             .flat_map(|of| names(of).into_iter().zip(of.sums[c].iter().cloned()));
-        feedback(&candidates[c].name, &joints.collect::<Vec<_>>())
+        feedback(&candidates[c], &joints.collect::<Vec<_>>())
     };
     Ok(((0..candidates.len()).map(of_candidate).collect(), warnings))
 }

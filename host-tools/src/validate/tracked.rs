@@ -61,7 +61,7 @@ fn one(
             }
         }
     }
-    Ok(feedback(&candidate.name, &sums))
+    Ok(feedback(candidate, &sums))
 }
 
 /// The motion with the feed-forward torque of a model, or none.

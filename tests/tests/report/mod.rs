@@ -62,7 +62,7 @@ fn open(page: &Path) -> Option<Browser> {
 }
 
 /// What axe-core finds in the page as it is, a line each, and how many of its rules pass.
-fn axe(browser: &mut Browser) -> Value {
+pub(crate) fn axe(browser: &mut Browser) -> Value {
     let packed = include_bytes!("axe-core-4.14.1.min.js.gz");
     let mut axe = String::new();
     flate2::read::GzDecoder::new(&packed[..])

@@ -46,6 +46,8 @@ fn pages() -> PathBuf {
             "diagnose log.csv --html diagnose.html",
             "identify log.csv -m model.toml -o fit.toml --html identify.html",
             "validate log.csv -m fit.toml --html validate.html",
+            "compare --rollout log.csv -m fit.toml --html rollout.html",
+            "diagnose log.csv -m found.toml --apply --html applied.html",
             "simulate --walk trot --typical --inertia-error 0.03 --duration 5 -o walk.csv",
             "compare --free-base walk.csv --html compare-walk.html",
             "identify --free-base walk.csv -o walk.toml --html identify-walk.html",
@@ -54,6 +56,8 @@ fn pages() -> PathBuf {
             "excite -m arm.toml --starts 1 --duration 4 -o arm-motion.csv --html excite-arm.html",
             "simulate --poses 20 -m arm.toml -o poses.csv",
             "calibrate poses.csv -m arm.toml --html calibrate.html",
+            "simulate --frf -m arm.toml --hide elasticity:elbow=900,damping=0.8 --hide coulomb=0.8 -o frf.csv",
+            "frf frf.csv -m arm.toml --html frf.html",
         ] {
             done(&folder, &command.split_whitespace().collect::<Vec<_>>());
         }
@@ -134,6 +138,15 @@ fn every_page_fits_and_begins_with_a_headline() {
         assert_eq!(browser.complaints, [""; 0], "{name}");
         assert_eq!(browser.requests, [""; 0], "{name}");
     }
+}
+
+/// What a page tells to do next is not what was done.
+#[test]
+fn a_page_of_what_is_applied_tells_to_compare() {
+    let page = std::fs::read_to_string(pages().join("applied.html")).unwrap();
+    let (_, next) = page.split_once("<code id=\"next-0\">").unwrap();
+    let next = next.split('<').next().unwrap();
+    assert_eq!(next, "proprio compare log.csv -m found.toml");
 }
 
 /// From the words to the plot: a finding's link opens its joint's plot at its time, with a cursor in every plot.

@@ -13,7 +13,7 @@ use crate::excite::frf::{FrfDesign, FrfSettings, design, write_frf_csv};
 use crate::excite::shapes::Shapes;
 use crate::model::Model;
 use crate::progress::Underway;
-use crate::summary::Summary;
+use crate::summary::{Summary, typed};
 
 /// What is printed.
 #[derive(Debug, Serialize)]
@@ -191,7 +191,8 @@ fn summary(asked: &Excite, own: &FrfDesign) -> Summary {
             springs + &model,
             lines,
             format!(
-                "Play it, record q/, dq/, tau/, ref/ of each joint, then: proprio frf LOG -m MODEL{few}"
+                "Play it, record q/, dq/, tau/, ref/ of each joint, then: proprio frf {}{few}",
+                typed(&["LOG".into()], model_file.map(PathBuf::as_path))
             ),
         ],
         next: vec![next],

@@ -73,7 +73,7 @@ impl Report {
 
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "leg        condition number     in SI   rank   log det")?;
+        writeln!(f, "limb       condition number     in SI   rank   log det")?;
         for limb in &self.limbs {
             let m = &limb.measures;
             writeln!(

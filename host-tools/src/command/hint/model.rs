@@ -8,17 +8,25 @@ use crate::model::{
     Unphysical,
 };
 
-/// The hint for an unknown name: the nearest known one.
+/// The hint for an unknown name: the nearest known one, and where all effects are listed.
 pub fn of_name(unknown: &UnknownName) -> Option<String> {
+    let all = match unknown.what {
+        "effect" => " `proprio effects` lists them all",
+        _ => "",
+    };
     unknown
         .nearest()
-        .map(|name| format!("did you mean `{name}`?"))
+        .map(|name| format!("did you mean `{name}`?{all}"))
 }
 
 /// The hint for effects that cannot be asked for.
 pub fn of_asked(error: &AskedError) -> Option<String> {
     match error {
         AskedError::Name(unknown) => of_name(unknown),
+        AskedError::OfBase => Some(
+            "`proprio diagnose --free-base LOG -m MODEL --apply` finds it on a walk and adds it there"
+                .to_owned(),
+        ),
         AskedError::Formula(_) => Some("docs/effects.md has ten formulas to begin with".to_owned()),
         AskedError::Register(_) => {
             Some("give it a name of its own: `NAME = JOINT: FORMULA`".to_owned())

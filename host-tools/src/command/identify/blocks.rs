@@ -9,7 +9,7 @@ use super::result;
 use crate::command::{Error, factors::admitted};
 use crate::fleet::answers::{Answers, RobotValue};
 use crate::fleet::{Gate, final_answers, partial};
-use crate::table::Table;
+use crate::table::{Table, with_std};
 
 /// What is printed.
 #[derive(Serialize)]
@@ -68,12 +68,16 @@ impl fmt::Display for Report {
         );
         for own in &self.values {
             let mark = if own.in_model { "" } else { "+ " };
+            let told = with_std(own.value, own.std);
+            let (value, std) = told.split_once(" ±").unwrap_or((told.as_str(), ""));
             table.row([
                 format!("{mark}{}", own.name),
                 own.unit.clone(),
-                format!("{:.4}", own.value),
-                format!("{:.4}", own.std),
-                format!("{:.4}", own.between),
+                value.to_owned(),
+                std.to_owned(),
+                with_std(own.value, own.between)
+                    .split_once('±')
+                    .map_or_else(String::new, |(_, between)| between.to_owned()),
                 own.blocks.to_string(),
                 format!("{:.1}", own.effective),
             ]);

@@ -94,7 +94,11 @@ impl fmt::Display for Report {
         let files = self.factors.len();
         for LegReport { leg, windows, .. } in &self.legs {
             let name = leg.name();
-            writeln!(f, "{name}: {windows:.0} windows of {files} files.")?;
+            let files = match files {
+                1 => "1 file".to_owned(),
+                more => format!("{more} files"),
+            };
+            writeln!(f, "{name}: {windows:.0} windows of {files}.")?;
         }
         Ok(())
     }

@@ -199,15 +199,16 @@ fn stated(
     mut state: impl FnMut(&mut Stated, &ModelEffect) -> Result<(), &'static str>,
 ) -> Stated {
     let mut all = Stated::default();
-    let mut unfound = Vec::new();
     for e in model.effects() {
         let name = format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
         if e.estimate().is_none() {
-            (all.notes).push(format!("{name} has no value yet: identify the model first"));
+            (all.notes).push(format!(
+                "{name} is left out: no value yet, identify the model first"
+            ));
             continue;
         }
         if is_unfound(e) && has_word(format, e) {
-            unfound.push(name);
+            (all.notes).push(format!("{name} is left out: the fit found none"));
             continue;
         }
         match state(&mut all, e) {
@@ -215,12 +216,6 @@ fn stated(
             Err(NO_WORD) => (all.notes).push(format!("{name} is left out: {format} {NO_WORD}")),
             Err(why) => all.notes.push(format!("{name} is left out: {why}")),
         }
-    }
-    if !unfound.is_empty() {
-        let names = unfound.join(", ");
-        all.notes.push(format!(
-            "left as the file has it, for the fit found none: {names}"
-        ));
     }
     all
 }

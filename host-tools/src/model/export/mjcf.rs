@@ -2,17 +2,18 @@
 
 use std::path::Path;
 
+use proprio_core::inertia::InertialParameters;
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
-use super::effects::{Stated, Tendon};
+use super::effects::{JointAttribute, Stated, Tendon};
 use super::mjcf_input::Input;
 use super::whole::mjcf_inertial;
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, base_note, effects, error, identified, names,
-    number, numbers, whole, without,
+    ExportError, ExportProblem, Exported, Inertial, bodies, corrected, effects, error, number,
+    numbers, whole, with_mass, without,
 };
-use crate::model::Model;
+use crate::model::{BASE, Model};
 
 /// Notations of an orientation other than `quat`, which MuJoCo refuses beside `fullinertia`.
 const ORIENTATIONS: [&str; 4] = ["axisangle", "xyaxes", "zaxis", "euler"];
@@ -24,10 +25,10 @@ const ORIENTATIONS: [&str; 4] = ["axisangle", "xyaxes", "zaxis", "euler"];
 pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
     let stated = effects::mjcf(model);
     let Some(path) = input else {
-        let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
         return Ok(Exported {
             text: whole::mjcf(model, &stated),
-            bodies: names(model, &bodies),
+            bodies: with_mass(model),
+            origins: corrected(model),
             effects: stated.written,
             notes: stated.notes,
         });
@@ -50,8 +51,6 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         written,
         mut notes,
     } = stated;
-    let bodies = identified(model);
-    notes.extend(base_note(model));
     let mut edits = Edits::new(&text);
     for b in 0..model.robot().bodies().len() {
         let of_joint: Vec<_> = attributes.iter().filter(|e| e.joint == b).collect();
@@ -69,13 +68,44 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         }
         if model.is_identified(b) {
             input.check_place(model, b, joint).map_err(at)?;
-            write_inertial(&mut edits, &input, model, b, joint).map_err(at)?;
+            let body = input.body_of(joint).map_err(at)?;
+            let whole = model
+                .inertia(b)
+                .in_parent(&input.joint_frame(joint).map_err(at)?);
+            write_inertial(&mut edits, &input, body, &whole).map_err(at)?;
         }
+    }
+    let mut in_base = false;
+    if model.is_identified(BASE) {
+        // What hangs on the world has no body for the base.
+        match input.base(model).map_err(at)? {
+            Some(body) => {
+                write_inertial(&mut edits, &input, body, model.inertia(BASE)).map_err(at)?;
+                in_base = true;
+            }
+            None => notes
+                .push("base is left out: the file has no body that carries all limbs".to_owned()),
+        }
+    }
+    let moved = corrected(model);
+    if !moved.is_empty() {
+        notes.push(format!(
+            "calibrated joint frames are left out, an MJCF without a file gets them: {}",
+            moved.join(", ")
+        ));
+    }
+    let rubs = |e: &JointAttribute| e.attribute == "frictionloss" && e.values[0] > 0.0;
+    if attributes.iter().any(rubs) && !text.contains("solreffriction") {
+        notes.push(format!(
+            "MuJoCo's dry friction builds up over 20 ms by default; for stiff friction add {}",
+            whole::STIFF_FRICTION
+        ));
     }
     write_tendons(&mut edits, &input, model, &tendons, &mut notes).map_err(at)?;
     Ok(Exported {
         text: edits.apply(),
-        bodies: names(model, &bodies),
+        bodies: bodies(model, |b| model.is_identified(b) && (b != BASE || in_base)),
+        origins: Vec::new(),
         effects: written,
         notes,
     })
@@ -120,16 +150,14 @@ fn write_tendons<'d>(
     Ok(())
 }
 
+/// The inertia of a moving body of the file: `whole`, about the origin of the body's frame, less what is fixed to it.
 fn write_inertial<'d>(
     edits: &mut Edits,
     input: &Input<'d>,
-    model: &Model,
-    b: usize,
-    joint: Node<'d, 'd>,
+    body: Node<'d, 'd>,
+    whole: &InertialParameters<f64>,
 ) -> Result<(), (Node<'d, 'd>, ExportProblem)> {
-    let body = input.body_of(joint)?;
-    let whole = model.inertia(b).in_parent(&input.joint_frame(joint)?);
-    let own = without(&whole, &input.carried(body)?).map_err(|fault| {
+    let own = without(whole, &input.carried(body)?).map_err(|fault| {
         let link = body.attribute("name").unwrap_or_default().to_owned();
         (body, ExportProblem::Carried { link, fault })
     })?;

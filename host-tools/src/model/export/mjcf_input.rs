@@ -156,6 +156,22 @@ impl<'d> Input<'d> {
         }
     }
 
+    /// The body that all limbs hang on, as they do on the model's base; `None` where they hang on the world.
+    pub(super) fn base(&self, model: &Model) -> Result<Option<Node<'d, 'd>>, Fault<'d>> {
+        let robot = model.robot();
+        let mut base = None;
+        for b in (0..robot.bodies().len()).filter(|&b| robot.bodies()[b].parent.is_none()) {
+            let joint = self.joint(model, b)?;
+            self.check_place(model, b, joint)?;
+            let own = base_of(self.body_of(joint)?, robot.base_link());
+            if own.is_none() || base.is_some_and(|base| Some(base) != own) {
+                return Ok(None);
+            }
+            base = own;
+        }
+        Ok(base)
+    }
+
     /// Inertia, in the frame of `body`, of the bodies without joints that it carries.
     pub(super) fn carried(&self, body: Node<'d, 'd>) -> Result<InertialParameters<f64>, Fault<'d>> {
         let mut sum = InertialParameters::zero();

@@ -3,7 +3,7 @@
 //! [`urdf`] and [`mjcf`] write the identified bodies and effects into a file of the user's, in which nothing else changes by
 //! a byte, or write a whole file. φ is about the joint frame's origin and counts the links fixed to a body; both formats
 //! state a link alone, about its centre of mass. So the fixed links keep what the file gives them and the moving link gets
-//! the rest, which must itself be physical.
+//! the rest, which must itself be physical. Of the links of a base the heaviest one gets it: the root of many files is empty.
 //!
 //! Files beside:
 //!
@@ -40,8 +40,10 @@ const PLACEMENT_ROUNDING: f64 = 1e-5;
 pub struct Exported {
     /// The file's text.
     pub text: String,
-    /// Bodies whose inertial parameters were written.
+    /// Bodies whose inertial parameters were written; `base` is one.
     pub bodies: Vec<String>,
+    /// Joints whose origins were written as calibration corrects them.
+    pub origins: Vec<String>,
     /// Effects that were written: `coulomb:FR_hip`.
     pub effects: Vec<String>,
     /// What the format cannot state, in words.
@@ -161,21 +163,26 @@ fn escaped(text: &str) -> String {
     text.replace('"', "&quot;")
 }
 
-/// Bodies of the model that are not the CAD's.
-fn identified(model: &Model) -> Vec<usize> {
-    let bodies = 0..model.robot().bodies().len();
-    bodies.filter(|&b| model.is_identified(b)).collect()
+/// Bodies of a model, the base among them, that `has` picks, by their names.
+fn bodies(model: &Model, has: impl Fn(usize) -> bool) -> Vec<String> {
+    let all = std::iter::once(BASE).chain(0..model.robot().bodies().len());
+    all.filter(|&b| has(b))
+        .map(|b| model.joint_name(b).to_owned())
+        .collect()
 }
 
-/// What a file that is written into does not get.
-fn base_note(model: &Model) -> Option<String> {
-    let note = "base is left out: only a whole file gets the base's inertia";
-    model.is_identified(BASE).then(|| note.to_owned())
+/// Bodies that a whole file has: those with a mass, which a base may lack.
+fn with_mass(model: &Model) -> Vec<String> {
+    bodies(model, |b| model.inertia(b).mass() > 0.0)
 }
 
-fn names(model: &Model, bodies: &[usize]) -> Vec<String> {
-    let of = |&b: &usize| model.robot().bodies()[b].name.clone();
-    bodies.iter().map(of).collect()
+/// Joints whose frames calibration corrected.
+fn corrected(model: &Model) -> Vec<String> {
+    let joints = 0..model.robot().bodies().len();
+    joints
+        .filter(|&joint| model.frame_correction(joint).is_some())
+        .map(|joint| model.joint_name(joint).to_owned())
+        .collect()
 }
 
 /// What is left of `whole` without what it carries.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 use roxmltree::{Document, Node};
 
@@ -10,11 +11,11 @@ use super::edit::Edits;
 use super::effects::{JointAttribute, LIMIT, Stated};
 use super::whole::{self, INERTIA, dynamics_element, inertial_element, origin_element};
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, base_note, effects, error, identified, names,
-    number, numbers, same_axis, same_place, without,
+    ExportError, ExportProblem, Exported, Inertial, bodies, corrected, effects, error, number,
+    numbers, same_axis, same_place, with_mass, without,
 };
 use crate::model::urdf::Description;
-use crate::model::{Body, Model, RobotProblem, Source};
+use crate::model::{BASE, Body, Model, RobotProblem, Source};
 
 /// A model as URDF: written into the file `input`, else into the URDF that the model is of, else a whole file.
 ///
@@ -26,13 +27,13 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         Source::Go2 => None,
     };
     let Some(path) = input.or(own) else {
-        let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
         let stated = effects::urdf(model, |joint| {
             model.robot().bodies()[joint].velocity.is_finite()
         });
         return Ok(Exported {
             text: whole::urdf(model, &stated.attributes),
-            bodies: names(model, &bodies),
+            bodies: with_mass(model),
+            origins: corrected(model),
             effects: stated.written,
             notes: stated.notes,
         });
@@ -52,7 +53,6 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         file: &file,
         document: &document,
     };
-    let bodies = identified(model);
     target.check(model)?;
     let is_limited = |joint: usize| {
         let body = target.body(model, joint).ok();
@@ -62,15 +62,13 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
     let Stated {
         attributes: effects,
         written,
-        mut notes,
+        notes,
         ..
     } = effects::urdf(model, is_limited);
-    notes.extend(base_note(model));
     let mut edits = Edits::new(&file.text);
-    for &b in &bodies {
-        target.write_inertial(&mut edits, model, b)?;
-    }
+    target.write_base(&mut edits, model)?;
     for joint in 0..model.robot().bodies().len() {
+        target.write_body(&mut edits, model, joint)?;
         target.write_origin(&mut edits, model, joint)?;
         let of_joint: Vec<_> = effects.iter().filter(|e| e.joint == joint).collect();
         if !of_joint.is_empty() {
@@ -82,7 +80,8 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
     }
     Ok(Exported {
         text: edits.apply(),
-        bodies: names(model, &bodies),
+        bodies: bodies(model, |b| model.is_identified(b)),
+        origins: corrected(model),
         effects: written,
         notes,
     })
@@ -120,23 +119,51 @@ impl Target<'_> {
         Ok(())
     }
 
+    fn write_body(&self, edits: &mut Edits, model: &Model, b: usize) -> Result<(), ExportError> {
+        if !model.is_identified(b) {
+            return Ok(());
+        }
+        let (index, body) = self.body(model, b)?;
+        self.write_inertial(
+            edits,
+            &body.link_name,
+            model.inertia(b),
+            &self.file.carried[index],
+        )
+    }
+
+    /// The base's inertia, about the origin of the base's frame, goes into the heaviest of its links.
+    fn write_base(&self, edits: &mut Edits, model: &Model) -> Result<(), ExportError> {
+        let links = &self.file.base_links;
+        let heaviest = (links.iter()).max_by(|a, b| a.inertia.mass().total_cmp(&b.inertia.mass()));
+        let Some(link) = heaviest.filter(|_| model.is_identified(BASE)) else {
+            return Ok(());
+        };
+        let whole = self.file.robot.base_inertia();
+        let others = InertialParameters(whole.0 - link.inertia.0);
+        let back = link.placement.rotation.transpose();
+        let into = Transform {
+            rotation: back,
+            translation: -back * link.placement.translation,
+        };
+        let [own, others] = [*model.inertia(BASE), others].map(|phi| phi.in_parent(&into));
+        self.write_inertial(edits, &link.name, &own, &others)
+    }
+
+    /// A link's inertia: that of the body, less what other links carry of it.
     fn write_inertial(
         &self,
         edits: &mut Edits,
-        model: &Model,
-        b: usize,
+        link_name: &str,
+        whole: &InertialParameters<f64>,
+        carried: &InertialParameters<f64>,
     ) -> Result<(), ExportError> {
-        let (index, body) = self.body(model, b)?;
-        let own = without(model.inertia(b), &self.file.carried[index]).map_err(|fault| {
-            let link = body.link_name.clone();
-            self.error_at(
-                "link",
-                &body.link_name,
-                ExportProblem::Carried { link, fault },
-            )
+        let own = without(whole, carried).map_err(|fault| {
+            let link = link_name.to_owned();
+            self.error_at("link", link_name, ExportProblem::Carried { link, fault })
         })?;
         let inertial = Inertial::of(&own);
-        let Some(link) = self.element("link", &body.link_name) else {
+        let Some(link) = self.element("link", link_name) else {
             return Ok(());
         };
         let child = |parent: Node<'_, '_>, tag| {

@@ -137,13 +137,18 @@ pub(super) fn inertial_element(inertial: &Inertial) -> String {
     )
 }
 
+/// Stiff dry friction, of joints. MuJoCo's default builds up over 20 ms, so that fast reversals get too little of it. 4 ms are two of MuJoCo's default
+/// steps of 2 ms, the least that it takes; the impedance is that of `tests/oracle/mujoco_logs.py`.
+pub(super) const STIFF_FRICTION: &str =
+    "<default><joint solreffriction=\"0.004 1\" solimpfriction=\"0.999 0.9999 0.001\"/></default>";
+
 /// The robot as MJCF, its base fixed, a motor at every joint.
 pub(super) fn mjcf(model: &Model, stated: &Stated) -> String {
     let effects = &stated.attributes;
     let robot = model.robot();
     let mut out = format!(
-        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\"/>\n  <option gravity=\"0 0 -9.81\"/>\n  \
-         <worldbody>\n",
+        "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\"/>\n  <option gravity=\"0 0 -9.81\"/>\n\
+         \x20 {STIFF_FRICTION}\n  <worldbody>\n",
         escaped(robot.name())
     );
     let turn = orientation(&model.base().rotation);
@@ -167,12 +172,13 @@ pub(super) fn mjcf(model: &Model, stated: &Stated) -> String {
             let _ = writeln!(out, "{}</body>", "  ".repeat(open.len() + 3));
         }
         let indent = "  ".repeat(open.len() + 3);
+        let placement = corrected(model, b, &body.placement);
         let _ = writeln!(
             out,
             "{indent}<body name=\"{}\" pos=\"{}\"{}>",
             escaped(&body.link_name),
-            numbers(body.placement.translation.iter().copied()),
-            orientation(&body.placement.rotation)
+            numbers(placement.translation.iter().copied()),
+            orientation(&placement.rotation)
         );
         let _ = writeln!(
             out,

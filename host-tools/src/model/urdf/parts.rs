@@ -15,10 +15,22 @@ use crate::model::{Body, JointKind, RobotProblem};
 /// How far an axis' length may be from 1: files round their numbers.
 const AXIS_ROUNDING: f64 = 1e-3;
 
+/// A link of the base.
+#[derive(Debug)]
+pub(in crate::model) struct BaseLink {
+    pub(in crate::model) name: String,
+    /// Its inertia about the origin of the base's frame.
+    pub(in crate::model) inertia: InertialParameters<f64>,
+    /// Its frame in the base's.
+    pub(in crate::model) placement: Transform<f64>,
+}
+
 /// What a robot consists of.
 pub(super) struct Parts {
     pub(super) base_link: String,
     pub(super) base_inertia: InertialParameters<f64>,
+    /// The base's link and those fixed to it.
+    pub(super) base_links: Vec<BaseLink>,
     /// The moving bodies, depth first.
     pub(super) bodies: Vec<Body>,
     /// Per body, what the links fixed to the moving one contribute.
@@ -40,6 +52,7 @@ impl Parts {
         let mut parts = Self {
             base_link: links.elements.links[base].name.to_owned(),
             base_inertia: InertialParameters::zero(),
+            base_links: Vec::new(),
             bodies: Vec::new(),
             carried: Vec::new(),
             shapes: Vec::new(),
@@ -82,7 +95,14 @@ impl Parts {
         });
         let phi = own.inertia.in_parent(&placement);
         match body {
-            None => self.base_inertia = self.base_inertia + phi,
+            None => {
+                self.base_inertia = self.base_inertia + phi;
+                self.base_links.push(BaseLink {
+                    name: own.name.to_owned(),
+                    inertia: phi,
+                    placement,
+                });
+            }
             Some(b) => {
                 self.bodies[b].inertia = self.bodies[b].inertia + phi;
                 self.shapes[b] |= own.has_shape;

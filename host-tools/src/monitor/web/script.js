@@ -6,6 +6,7 @@ const EFFECTS = ["coulomb", "viscous", "armature", "bias"];
 const LEGS = ["FR", "FL", "RR", "RL"];
 let page = "robot";
 let state = null;
+let everything = false;
 
 const at = (id) => document.getElementById(id);
 
@@ -27,7 +28,9 @@ function draw(name, attributes, content = []) {
 function table(id, heading, rows) {
   const cells = (row, name) => make("tr", row.map((cell) => {
     if (cell instanceof Element) return cell;
-    return make(name, String(cell), cell === "" || Number.isNaN(parseFloat(cell)) ? {} : { class: "number" });
+    // A heading without words is no heading.
+    const kind = name === "th" && cell === "" ? "td" : name;
+    return make(kind, String(cell), cell === "" || Number.isNaN(parseFloat(cell)) ? {} : { class: "number" });
   }));
   at(id).replaceChildren(make("thead", cells(heading, "th")), make("tbody", rows.map((row) => cells(row, "td"))));
 }
@@ -98,8 +101,15 @@ function robotPage() {
   at("events").replaceChildren(...state.events.map((event) => make("li", [make("time", clock(event.seconds)), event.text])));
 }
 
+// What is missing and the nearest candidates: a phone's screen. The rest gains nothing, or is the model's already, and is folded.
+const NEAREST = 6;
 function ranking() {
-  table("ranking", ["", "effect", "gain, %", "", "value", ""], state.ranking.map((r) => {
+  const first = state.ranking.filter((r, n) => r.missing || (!r.active && n < NEAREST));
+  const shown = everything ? state.ranking : first;
+  at("all").hidden = first.length === state.ranking.length;
+  at("all").textContent = everything ? "show fewer" : `show all ${state.ranking.length}`;
+  at("all").setAttribute("aria-expanded", String(everything));
+  table("ranking", ["", "effect", "gain, %", "", "value", ""], shown.map((r) => {
     const name = `${r.effect}:${r.joint}`;
     const verb = r.active ? "drop" : "add";
     const button = make("button", verb, { "aria-label": `${verb} ${name}` });
@@ -165,6 +175,11 @@ at("reset").addEventListener("click", () => {
   if (sure) ask("reset");
 });
 at("reset").addEventListener("blur", () => { at("reset").textContent = "forget all data"; });
+
+at("all").addEventListener("click", () => {
+  everything = !everything;
+  ranking();
+});
 
 const stream = new EventSource("/events");
 stream.onmessage = (event) => {

@@ -55,7 +55,13 @@ impl DiagnosisPage<'_> {
         let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
         add_moments(&mut header.findings, self.after);
         header.headline = summary.headline;
-        header.next = summary.next;
+        header.next = match self.written {
+            true => vec![format!(
+                "proprio compare {}",
+                typed(&diagnosis.logs, self.model)
+            )],
+            false => summary.next,
+        };
         header.drawing = drawing(self.complete, &self.after.series);
         Ok(Page {
             header,

@@ -57,7 +57,7 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
     Page {
         header: Header {
             title: "An informative motion".to_owned(),
-            headline: headline(designs),
+            headline: headline(model, designs),
             findings: findings.into_iter().map(Finding::from).collect(),
             command,
             ..Header::default()
@@ -76,8 +76,13 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
 }
 
 /// How long it takes, and what the standard deviations become at the joint where each is largest.
-fn headline(designs: &[LimbDesign]) -> String {
+fn headline(model: &Model, designs: &[LimbDesign]) -> String {
     let limbs: Vec<&str> = designs.iter().map(|d| d.limb.as_str()).collect();
+    // A robot of one limb, such as an arm, calls it by its first joint, which is not what moves alone.
+    let of = match model.robot().limbs().len() {
+        1 => String::new(),
+        _ => format!(" of {}", limbs.join(", ")),
+    };
     let seconds = designs.iter().map(|d| d.motion.duration());
     let seconds = seconds.fold(0.0, f64::max);
     let worst = |effect: &EffectKind| {
@@ -94,8 +99,7 @@ fn headline(designs: &[LimbDesign]) -> String {
     };
     let after: Vec<String> = EffectKind::PLAIN.iter().filter_map(worst).collect();
     format!(
-        "{seconds:.0} s of motion of {} bring, at the worst joint, {}",
-        limbs.join(", "),
+        "{seconds:.0} s of motion{of} bring, at the worst joint, {}",
         after.join(", ")
     )
 }

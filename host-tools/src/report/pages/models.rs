@@ -16,11 +16,20 @@ pub fn models(found: &ModelsComparison) -> Result<Page, Unreadable> {
     let mut header = header("Models against measurement", findings, &found.logs)?;
     header.headline = found.headline();
     header.next = vec![found.next()];
-    let names: Vec<String> = (found.models.iter())
-        .map(|own| own.model.display().to_string())
-        .collect();
-    let rows = found.models.iter().flat_map(|own| {
+    let mut names: Vec<String> = Vec::new();
+    for own in &found.models {
         let name = own.model.display().to_string();
+        // One file named twice is two models.
+        let same = names
+            .iter()
+            .filter(|known| known.split(" (").next() == Some(&name))
+            .count();
+        names.push(match same {
+            0 => name,
+            n => format!("{name} ({})", n + 1),
+        });
+    }
+    let rows = found.models.iter().zip(&names).flat_map(|(own, name)| {
         let all = Row {
             model: name.clone(),
             joint: "all joints".to_owned(),
@@ -48,7 +57,7 @@ pub fn models(found: &ModelsComparison) -> Result<Page, Unreadable> {
     Ok(Page {
         header,
         sections: vec![
-            models::section(&rows),
+            models::section(&rows, &names),
             torques(best, &others, &names[found.best]),
         ],
     }

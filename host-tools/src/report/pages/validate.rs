@@ -14,6 +14,8 @@ pub fn feedback(models: &[Feedback]) -> Page {
             of.model, of.rms, of.share_percent
         )
     };
+    // Friction alone is a figure among the findings: its line would hide the model's.
+    let drawn: Vec<&Feedback> = models.iter().filter(|of| !of.friction_only).collect();
     let best = models.iter().min_by(|a, b| a.rms.total_cmp(&b.rms));
     Page {
         header: Header {
@@ -30,7 +32,7 @@ pub fn feedback(models: &[Feedback]) -> Page {
                 .unwrap_or_default(),
             ..Header::default()
         },
-        sections: vec![motion::feedback(models)],
+        sections: vec![motion::feedback(&drawn)],
     }
     .folded()
 }
