@@ -30,16 +30,15 @@ pub(super) struct Kink {
 }
 
 impl Kink {
-    /// By how much the acceleration jumps where the joint turns round, rad/s²: as the motion after it came, less as the motion before goes on, in
-    /// the direction in which friction that turns round lets it jump: that of the motion before.
+    /// By how much the acceleration jumps where the joint turns round, rad/s²: as the motion after it came, less as the motion before goes on.
     pub(super) fn jump(&self, t: &[f64], smooth: &[[f64; 4]]) -> Option<f64> {
         let next = self.after + 1;
         let until = self.left * (t.get(next)? - t[self.after]);
         let since = t[next] - t[self.after] - until;
-        let [_, speed, before, slope_before] = smooth[self.after];
+        let [_, _, before, slope_before] = smooth[self.after];
         let [_, _, after, slope_after] = smooth[next];
         let jump = (after - slope_after * until) - (before + slope_before * since);
-        self.turns.then_some(jump * speed.signum())
+        self.turns.then_some(jump)
     }
 }
 

@@ -80,17 +80,13 @@ impl Smoother {
         self.between = true;
     }
 
-    /// Lets the acceleration jump by as much as friction that turns round is found to let it, rad/s², and not at all where that is below `least`;
-    /// whether it is clearly less than it might before.
-    ///
-    /// In the mean: noise, and what smoothing leaves out of a fast motion about a place at which it may jump, are of either sign.
-    pub(super) fn jumps_shrink(&mut self, jumps: &[f64], least: f64) -> bool {
+    /// Lets the acceleration jump by as much as it is found to where the joint turns round, rad/s²; whether that is clearly less than it might before.
+    pub(super) fn jumps_shrink(&mut self, jumps: &[f64]) -> bool {
         if jumps.is_empty() {
             return false;
         }
-        let mean = jumps.iter().sum::<f64>() / jumps.len() as f64;
-        let found = if mean > least { mean } else { 0.0 };
-        let found = (found * self.unit * self.unit).powi(2);
+        let squares: f64 = jumps.iter().map(|jump| jump * jump).sum();
+        let found = squares / jumps.len() as f64 * self.unit.powi(4);
         let shrinks = found < CLEARLY * self.jump;
         self.jump = found;
         shrinks
