@@ -110,7 +110,9 @@ fn a_page_is_one_file() {
     let page = folder.path().join("page.html");
     proprio::report(&comparison, &recording, &model, &page).unwrap();
     // A number and its unit stay on one line there.
-    let page = std::fs::read_to_string(page).unwrap().replace('\u{a0}', " ");
+    let page = std::fs::read_to_string(page)
+        .unwrap()
+        .replace('\u{a0}', " ");
     let said = format!("{comparison}");
     let headline = said.lines().next().unwrap();
     assert!(page.contains(headline), "{headline}");
