@@ -188,8 +188,8 @@ impl Report {
         let found = self.logs.iter().all(|log| Path::new(log).exists());
         let logs: Vec<PathBuf> = self.logs.iter().map(PathBuf::from).collect();
         // Logs of a walk are compared as such: the command that made the model said so.
-        let walked =
-            (self.command.iter()).any(|made| made.contains("--f") && made.contains("-base"));
+        let is_walk = |word: &str| ["--free-base", "--floating-base"].contains(&word);
+        let walked = (self.command.iter()).any(|made| made.split_whitespace().any(is_walk));
         let on_feet = if walked { "--free-base " } else { "" };
         let next = (found && !logs.is_empty()).then(|| {
             format!(

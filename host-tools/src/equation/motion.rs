@@ -60,7 +60,7 @@ pub(crate) struct Window {
     pub(crate) samples: [usize; 2],
     /// Whether each joint is judged: it moves, for the torque of one at rest is whatever friction holds, and is not at an end of its motion, where
     /// that is not followed. By velocities as they were reported, so that the same windows are judged whatever scale a model gives them.
-    pub(crate) told: Vec<bool>,
+    pub(crate) judged: Vec<bool>,
 }
 
 /// The samples that are asked for: all where not told, else no one before or after the range.
@@ -146,8 +146,8 @@ impl Motion {
             // A series holds nothing out.
             block: 0,
             samples: [k - 1, k + 1],
-            told: (reported.iter())
-                .map(|joint| motion.is_told(joint, k - 1, k + 1))
+            judged: (reported.iter())
+                .map(|joint| motion.is_judged(joint, k - 1, k + 1))
                 .collect(),
         };
         motion.windows = (recording.stretches().flat_map(inner).map(around)).collect();
@@ -177,8 +177,8 @@ impl Motion {
                         length: self.time[k] - self.time[first],
                         block,
                         samples: [first, k],
-                        told: (reported.iter())
-                            .map(|joint| self.is_told(joint, first, k))
+                        judged: (reported.iter())
+                            .map(|joint| self.is_judged(joint, first, k))
                             .collect(),
                     });
                 }
@@ -223,8 +223,8 @@ impl Motion {
         [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)]
     }
 
-    /// Whether a joint's motion between two samples tells of its torque.
-    fn is_told(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
+    /// Whether a joint is judged between two samples.
+    fn is_judged(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
         self.is_followed(joint, first, last) && self.moves(joint, first, last)
     }
 

@@ -62,7 +62,7 @@ mod tests {
                 length: last - first,
                 block: 0,
                 samples,
-                told: vec![true],
+                judged: vec![true],
             }
         };
         Motion {

@@ -239,7 +239,7 @@ impl<'a> LimbData<'a> {
 
     /// Whether a joint's torque is judged in a window: it moves, or rest counts too, and nothing is known to spoil it.
     pub(crate) fn counts(&self, window: usize, joint: usize) -> bool {
-        !self.left_out[window] && (self.at_rest || self.motion.windows[window].told[joint])
+        !self.left_out[window] && (self.at_rest || self.motion.windows[window].judged[joint])
     }
 
     /// The fold that a window belongs to.

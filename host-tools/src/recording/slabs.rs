@@ -78,8 +78,8 @@ impl Cutter<'_> {
 
 impl Recording {
     /// Reads logs of the robot of `model`, one after the other, and hands them on slab by slab, none longer than [`MOST_SAMPLES`] or than what is
-    /// left of a block of `block` seconds; the next one is read while `each` works. `progress` receives the bytes read of a log and how many it has in all. The result is the stamp of each
-    /// log's first row, s, and the recording without samples: its length, gates and warnings.
+    /// left of a block of `block` seconds; the next one is read while `each` works. `progress` receives the bytes read of a log and how many it has
+    /// in all. The result is the stamp of each log's first row, s, and the recording without samples: its length, gates and warnings.
     ///
     /// # Errors
     /// As [`read`](Self::read)'s, but for a log that is too short: that has no slab.
