@@ -26,7 +26,9 @@
 
 use std::sync::{PoisonError, RwLock};
 
-use proprio_core::effect::{Description, EffectKind, Enters, Form, MAX_COLUMNS, MAX_PARAMETERS};
+use proprio_core::effect::{
+    Description, EffectKind, Enters, Form, MAX_COLUMNS, MAX_PARAMETERS, MAX_SHAPES,
+};
 
 pub use proprio_core::effect::OwnEffect;
 
@@ -53,9 +55,9 @@ pub enum RegisterError {
         "`{0}` is no torque at its own joint (Form::Columns, Enters::Column), nor at several (Form::Coupled, coupled)"
     )]
     Form(&'static str),
-    /// One column at least, [`MAX_COLUMNS`] at most, one shape at most, which has a grid, and a prior for each parameter.
+    /// One column at least, [`MAX_COLUMNS`] at most, [`MAX_SHAPES`] shapes at most, which have grids, and a prior for each parameter.
     #[error(
-        "`{0}` wants 1 to {MAX_COLUMNS} parameters with a column, one shape with a grid at most, and a prior of each"
+        "`{0}` wants 1 to {MAX_COLUMNS} parameters with a column, at most {MAX_SHAPES} shapes, each with a grid, and a prior of each"
     )]
     Parameters(&'static str),
 }
@@ -144,7 +146,7 @@ fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
     let columns = effect.description.linear().count();
     let is_usable = (1..=MAX_COLUMNS).contains(&columns)
         && parameters.len() <= MAX_PARAMETERS
-        && parameters.len() - columns <= 1
+        && parameters.len() - columns <= MAX_SHAPES
         && parameters.iter().all(|p| p.shape == p.grid.is_some())
         && effect.priors.len() == parameters.len()
         && effect.priors.iter().all(|prior| prior.std > 0.0);

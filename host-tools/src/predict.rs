@@ -258,7 +258,7 @@ fn entries(values: &Values) -> Vec<Entry> {
         .places()
         .filter(|(effect, _)| !effect.description().is_derivative());
     let of = |place: Place| {
-        let columns = columns_of(place, values.shape(place)).into_iter();
+        let columns = columns_of(place, values.shapes(place)).into_iter();
         columns.map(move |(parameter, column)| Entry {
             effect: Some(place.0),
             joint: place.1,

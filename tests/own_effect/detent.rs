@@ -35,7 +35,7 @@ pub(crate) const DETENT: OwnEffect = OwnEffect {
         },
     ],
     others: &[],
-    terms: &|joints, at, s| {
+    terms: &|joints, at, [s, _]| {
         let x = (joints[at].q - PLACE) / s;
         [Term::rate(x * (0.5 * (1.0 - x * x)).exp()), Term::zero()]
     },

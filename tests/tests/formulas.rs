@@ -371,3 +371,46 @@ fn a_diagnosis_finds_a_formula() {
     let complete = json(folder.path(), &["diagnose", "log.csv", "-m", "plain.toml"]);
     assert!(complete["formulas"].is_null(), "{}", complete["formulas"]);
 }
+
+/// Friction that is larger at a place, of a width that nobody has told: both come out of a fit with their deviations, of a file's formula and of the
+/// one that a diagnosis finds, and predict the log of another motion as the one does whose width is known.
+#[test]
+fn a_place_and_a_width_are_fitted() {
+    let folder = folder();
+    let folder = folder.path();
+    let hidden = "FR_thigh: 1.5*exp(-((q-0.9)/0.17)^2)*sign(dq)";
+    for (seed, log) in [("5", "one.csv"), ("6", "other.csv")] {
+        hiding(folder, "--legs FR --duration 20", hidden, seed, log);
+    }
+    let files = ["found.toml", "free.toml", "known.toml"];
+    files.iter().for_each(|file| drive(folder, file));
+    let worn = |width: &str| format!("worn = FR_thigh: c*exp(-((q - q0)/{width})^2)*sign(dq)");
+    done(folder, &["add", &worn("w"), "-m", "free.toml"]);
+    done(folder, &["add", &worn("0.17"), "-m", "known.toml"]);
+    done(
+        folder,
+        &["diagnose", "one.csv", "-m", "found.toml", "--apply"],
+    );
+    let fits = files.map(|file| json(folder, &["identify", "one.csv", "-m", file, "-o", file]));
+    let own = [
+        ("exp_q_p_w_2_sign_dq", [".p", ".w"], &fits[0]),
+        ("worn", [".q0", ".w"], &fits[1]),
+    ];
+    for (name, shapes, fit) in own {
+        for (symbol, truth) in ["", shapes[0], shapes[1]].into_iter().zip([1.5, 0.9, 0.17]) {
+            let own = proprio_tests::command::parameter(fit, &format!("{name}{symbol}:FR_thigh"));
+            let [value, std] = ["value", "std"].map(|key| own[key].as_f64().unwrap());
+            let error = (value - truth).abs();
+            assert!(
+                error < 3.0 * std && std < 0.02 * truth,
+                "{name}{symbol}: {value} ± {std}"
+            );
+        }
+    }
+    let [found, free, known] =
+        files.map(|file| given(folder, &["compare", "other.csv", "-m", file]));
+    assert!(
+        found < 1.02 * known && free < 1.02 * known,
+        "{found} {free} {known}"
+    );
+}

@@ -342,9 +342,15 @@ impl Description {
         mjcf: None,
     };
 
-    /// The place among the parameters of the one that is scanned, if the effect has one.
-    pub fn shape(&self) -> Option<usize> {
-        self.parameters.iter().position(|p| p.shape)
+    /// The places among the parameters of those that are scanned.
+    pub fn shapes(&self) -> impl Iterator<Item = usize> + Clone + use<> {
+        let parameters = self.parameters;
+        (0..parameters.len()).filter(|n| parameters.get(*n).is_some_and(|p| p.shape))
+    }
+
+    /// Whether it has a parameter that is scanned.
+    pub fn has_shape(&self) -> bool {
+        self.parameters.iter().any(|p| p.shape)
     }
 
     /// The places among the parameters of those that are no shape, in column order.
@@ -353,10 +359,15 @@ impl Description {
         (0..parameters.len()).filter(|n| parameters.get(*n).is_some_and(|p| !p.shape))
     }
 
-    /// The place among the parameters of the one that is searched over a grid, and the grid: a shape, a gap or a compliance.
+    /// The places among the parameters of those that are searched over a grid, each with the grid: shapes, a gap or a compliance.
+    pub fn all_searched(&self) -> impl Iterator<Item = (usize, Grid)> + Clone + use<> {
+        let parameters = self.parameters.iter().enumerate();
+        parameters.filter_map(|(n, p)| Some((n, p.grid?)))
+    }
+
+    /// The first of them.
     pub fn searched(&self) -> Option<(usize, Grid)> {
-        let mut parameters = self.parameters.iter().enumerate();
-        parameters.find_map(|(n, p)| Some((n, p.grid?)))
+        self.all_searched().next()
     }
 
     /// Whether every geared drive has it.

@@ -81,6 +81,12 @@ use crate::{Real, scalar::real};
 /// Most window columns of an effect of [`Form::Columns`].
 pub const MAX_COLUMNS: usize = 2;
 
+/// Most shapes of an effect: parameters in which its torque is not linear. One that is scanned over each costs the product of both grids.
+pub const MAX_SHAPES: usize = 2;
+
+/// Values of an effect's shapes in the order of its parameters; one where it has none. Effects of the catalogue have one at most.
+pub type Shapes = [f64; MAX_SHAPES];
+
 /// Most parameters of an effect.
 pub const MAX_PARAMETERS: usize = 5;
 
@@ -399,12 +405,12 @@ impl EffectKind {
         self,
         joints: &[JointState<f64>],
         at: usize,
-        shape: f64,
+        shapes: Shapes,
     ) -> [Term<f64>; MAX_COLUMNS] {
         match (self, joints.get(at)) {
             (_, None) => [Term::zero(); MAX_COLUMNS],
-            (Self::Own(own), Some(_)) => (own.terms)(joints, at, shape),
-            (_, Some(state)) => self.terms(state, shape),
+            (Self::Own(own), Some(_)) => (own.terms)(joints, at, shapes),
+            (_, Some(state)) => self.terms(state, shapes[0]),
         }
     }
 

@@ -1,23 +1,23 @@
 //! An effect from outside the catalogue: its facts and its torque as data, so that a program can bring its own.
 //!
 //! It is a torque at its own joint ([`Form::Columns`](super::Form::Columns)), or at that and others of its limb
-//! ([`Form::Coupled`](super::Form::Coupled)), linear in all its parameters but a shape; a device, whose columns are fixed, has none.
+//! ([`Form::Coupled`](super::Form::Coupled)), linear in all its parameters but its shapes; a device, whose columns are fixed, has none.
 
 use core::cmp::Ordering;
 use core::fmt;
 use core::hash::{Hash, Hasher};
 
-use super::{Description, JointState, MAX_COLUMNS, Prior, Term};
+use super::{Description, JointState, MAX_COLUMNS, Prior, Shapes, Term};
 use crate::{Real, scalar::real};
 
-/// The window terms of an effect's columns at one instant, by the states of its limb's joints, which of them it acts at, and the value of
-/// the shape.
-pub type Terms = dyn Fn(&[JointState<f64>], usize, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
+/// The window terms of an effect's columns at one instant, by the states of its limb's joints, which of them it acts at, and the values of
+/// its shapes.
+pub type Terms = dyn Fn(&[JointState<f64>], usize, Shapes) -> [Term<f64>; MAX_COLUMNS] + Sync;
 
-/// The same of an effect at several joints: by the states of its limb's joints, which of them it is at, at which its torque is asked for, and the value
-/// of the shape.
+/// The same of an effect at several joints: by the states of its limb's joints, which of them it is at, at which its torque is asked for, and the values
+/// of its shapes.
 pub type CoupledTerms =
-    dyn Fn(&[JointState<f64>], usize, usize, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
+    dyn Fn(&[JointState<f64>], usize, usize, Shapes) -> [Term<f64>; MAX_COLUMNS] + Sync;
 
 /// An effect from outside the catalogue. It is the same as itself alone: one of another place in memory is another one, whatever its name.
 #[derive(Clone, Copy)]
@@ -44,7 +44,7 @@ impl OwnEffect {
         self.priors.get(parameter).copied().unwrap_or(unknown)
     }
 
-    /// The terms in the scalar of the caller, who knows its own joint alone.
+    /// The terms in the scalar of the caller, who knows its own joint and one shape alone.
     pub(super) fn terms<T: Real>(&self, state: &JointState<T>, shape: T) -> [Term<T>; MAX_COLUMNS] {
         let double = |x: T| -> f64 { nalgebra::try_convert(x).unwrap_or(f64::NAN) };
         let state = JointState {
@@ -61,7 +61,7 @@ impl OwnEffect {
             temperature: double(state.temperature),
             time: double(state.time),
         };
-        (self.terms)(&[state], 0, double(shape)).map(|term| Term {
+        (self.terms)(&[state], 0, [double(shape), 1.0]).map(|term| Term {
             boundary: real(term.boundary),
             rate: real(term.rate),
         })

@@ -104,7 +104,7 @@ fn body_of(name: &str) -> Option<&str> {
 fn given(model: &Model) -> HashMap<String, Given> {
     let mut given = HashMap::new();
     // Where a parameter is searched, the others are of another curve whenever it is: no value of the one file is another of the other.
-    let comparable = (model.effects().iter()).filter(|e| e.effect.description().shape().is_none());
+    let comparable = (model.effects().iter()).filter(|e| !e.effect.description().has_shape());
     for e in comparable {
         let joint = model.joint_name(e.joint);
         let known = e.estimates.iter().enumerate();

@@ -163,7 +163,7 @@ pub(super) fn find<'a>(
             }
             // As it is reported, with what its shape leaves open.
             let told = told(d, data, asked.0, &pick);
-            let linear = told.parameters.len() - usize::from(pick.shape.is_some());
+            let linear = told.parameters.len() - pick.shapes.len();
             let mut sizes = told.parameters[..linear].iter();
             let is_told = sizes.any(|p| (p.value / p.std).abs() >= LEAST_Z);
             if !is_told || !is_within_torque(&d.found.end.fits[limb], asked.0.1) {
@@ -202,7 +202,7 @@ fn asked(own: &LimbData, (limb, joint): (usize, usize), pick: &Pick) -> Option<A
     let robot = own.model.robot();
     let of = (Kind::Free, &stated);
     let effect = robot.formula(&pick.name, &pick.text, of, own.body_of(joint));
-    let numbers = pick.values.iter().copied().chain(pick.shape);
+    let numbers = (pick.values.iter().chain(&pick.shapes)).copied();
     Some(((limb, (effect.ok()?, joint)), numbers.enumerate().collect()))
 }
 

@@ -1,6 +1,8 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Enters, Form, JointState, MAX_COLUMNS, Moved, Term};
+use proprio_core::effect::{
+    EffectKind, Enters, Form, JointState, MAX_COLUMNS, Moved, Shapes, Term,
+};
 use proprio_core::inertia::INERTIAL;
 
 use super::values::{Place, Values, is_shared};
@@ -30,25 +32,27 @@ pub(crate) struct Entry {
 pub(crate) enum Column {
     /// Parameter n of body b.
     Inertial(usize, usize),
-    /// Column `n` of an effect with that shape at a joint.
+    /// Column `n` of an effect with those shapes at a joint.
     Own {
         joint: usize,
         effect: EffectKind,
-        shape: f64,
+        shapes: Shapes,
         n: usize,
     },
-    /// The derivative of an effect's torque in its nonlinear parameter, by a difference between two values of that, at these values of the others.
+    /// The derivative of an effect's torque in one of its nonlinear parameters, by a difference between two values of that, at these values of the others.
     Shape {
         joint: usize,
         effect: EffectKind,
-        around: [f64; 2],
+        around: [Shapes; 2],
+        /// How far apart they are.
+        apart: f64,
         values: [f64; MAX_COLUMNS],
     },
-    /// Column `n` of an effect with that shape that couples a joint with the one that carries it, or with the others that it sees.
+    /// Column `n` of an effect with those shapes that couples a joint with the one that carries it, or with the others that it sees.
     Coupled {
         joint: usize,
         effect: EffectKind,
-        shape: f64,
+        shapes: Shapes,
         n: usize,
     },
     /// Motion of a joint's link by parameter `n` of this effect.
@@ -207,19 +211,19 @@ impl Columns {
             Column::Own {
                 joint,
                 effect,
-                shape,
+                shapes,
                 n,
             } => {
-                (joint == at || is_shared(joint)).then(|| effect.terms_among(states, at, shape)[n])
+                (joint == at || is_shared(joint)).then(|| effect.terms_among(states, at, shapes)[n])
             }
             Column::Coupled {
                 joint,
                 effect,
-                shape,
+                shapes,
                 n,
             } => {
                 let parent = parent(&self.subtree_end, joint);
-                Some(coupled_terms(effect, ([joint, at], parent), states, shape)?[n])
+                Some(coupled_terms(effect, ([joint, at], parent), states, shapes)?[n])
             }
             _ => None,
         }
@@ -307,10 +311,10 @@ pub(crate) fn coupled_terms(
     effect: EffectKind,
     ([own, at], parent): ([usize; 2], Option<usize>),
     states: &[JointState<f64>],
-    shape: f64,
+    shapes: Shapes,
 ) -> Option<[Term<f64>; MAX_COLUMNS]> {
     if let EffectKind::Own(known) = effect {
-        return Some((known.coupled?)(states, own, at, shape));
+        return Some((known.coupled?)(states, own, at, shapes));
     }
     let parent = parent?;
     let other = if at == own { parent } else { own };
@@ -331,7 +335,7 @@ pub(crate) fn parent(subtree_end: &[usize], joint: usize) -> Option<usize> {
 }
 
 /// The columns that an effect at a joint of a limb has, each with the parameter it belongs to.
-pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Column)> {
+pub(crate) fn columns_of((effect, joint): Place, shapes: Shapes) -> Vec<(usize, Column)> {
     let description = effect.description();
     match description.form {
         Form::Clock if is_shared(joint) => vec![(0, Column::Delay)],
@@ -344,7 +348,7 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
                         Column::Own {
                             joint,
                             effect,
-                            shape,
+                            shapes,
                             n,
                         },
                     )
@@ -358,7 +362,7 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
                     Column::Coupled {
                         joint,
                         effect,
-                        shape,
+                        shapes,
                         n,
                     },
                 )

@@ -1,15 +1,15 @@
 //! What each effect of a model adds to a joint's torque at an instant.
 
-use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Shapes, Term};
 
 use super::column::{Column, Columns, coupled_terms, parent};
 use super::values::Values;
 
-/// An effect at a joint: its shape and what its columns are times.
+/// An effect at a joint: its shapes and what its columns are times.
 #[derive(Clone)]
 pub(crate) struct Contribution {
     pub(crate) effect: EffectKind,
-    pub(crate) shape: f64,
+    pub(crate) shapes: Shapes,
     /// Of one that couples joints its own, and the one that carries that.
     coupled: Option<(usize, Option<usize>)>,
     numbers: Vec<(usize, f64)>,
@@ -21,30 +21,30 @@ pub(crate) fn contributions(columns: &Columns, values: &Values) -> Vec<Vec<Contr
     let of = |(at, numbers): (usize, &Vec<f64>)| {
         let mut all: Vec<Contribution> = Vec::new();
         for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
-            let (effect, shape, coupled, n) = match *column {
+            let (effect, shapes, coupled, n) = match *column {
                 _ if number == 0.0 => continue,
                 Column::Own {
-                    effect, shape, n, ..
-                } => (effect, shape, None, n),
+                    effect, shapes, n, ..
+                } => (effect, shapes, None, n),
                 Column::Coupled {
                     joint,
                     effect,
-                    shape,
+                    shapes,
                     n,
                 } => {
                     let parent = parent(&columns.subtree_end, joint);
-                    (effect, shape, Some((joint, parent)), n)
+                    (effect, shapes, Some((joint, parent)), n)
                 }
                 _ => continue,
             };
             match all
                 .iter_mut()
-                .find(|own| (own.effect, own.shape, own.coupled) == (effect, shape, coupled))
+                .find(|own| (own.effect, own.shapes, own.coupled) == (effect, shapes, coupled))
             {
                 Some(own) => own.numbers.push((n, number)),
                 None => all.push(Contribution {
                     effect,
-                    shape,
+                    shapes,
                     coupled,
                     numbers: vec![(n, number)],
                 }),
@@ -66,10 +66,10 @@ impl Contribution {
     ) {
         let terms = match self.coupled {
             Some((own, parent)) => {
-                coupled_terms(self.effect, ([own, at], parent), states, self.shape)
+                coupled_terms(self.effect, ([own, at], parent), states, self.shapes)
                     .unwrap_or([Term::zero(); MAX_COLUMNS])
             }
-            None => self.effect.terms_among(states, at, self.shape),
+            None => self.effect.terms_among(states, at, self.shapes),
         };
         for &(n, number) in &self.numbers {
             *boundary += number * terms[n].boundary;

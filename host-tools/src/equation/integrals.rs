@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, MAX_SHAPES};
 
 use super::column::Column;
 use super::values::{Place, Values};
@@ -33,7 +33,7 @@ pub(super) enum Key {
     Own {
         joint: usize,
         effect: EffectKind,
-        shape: u64,
+        shapes: [u64; MAX_SHAPES],
         n: usize,
     },
 }
@@ -63,11 +63,11 @@ impl Key {
             }
             Column::Own { effect, .. } if effect.description().depends_on_model() => None,
             Column::Own {
-                effect, shape, n, ..
+                effect, shapes, n, ..
             } => Some(Self::Own {
                 joint,
                 effect,
-                shape: shape.to_bits(),
+                shapes: shapes.map(f64::to_bits),
                 n,
             }),
             // The joint at which the effect is, and the one at which it is felt.
@@ -79,7 +79,7 @@ impl Key {
             } if effect.couples_with_parent() => Some(Self::Own {
                 joint,
                 effect,
-                shape: at as u64,
+                shapes: [at as u64; MAX_SHAPES],
                 n,
             }),
             _ => None,
@@ -119,7 +119,7 @@ impl Integrals {
         if total > MOST {
             // Shapes are many, and each is asked for a few times.
             let known = &mut all[0].1;
-            known.retain(|key, _| !matches!(key, Key::Own { effect, .. } if effect.description().shape().is_some()));
+            known.retain(|key, _| !matches!(key, Key::Own { effect, .. } if effect.description().has_shape()));
         }
     }
 }

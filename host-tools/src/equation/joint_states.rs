@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Term, Transmission};
+use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Shapes, Term, Transmission};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns, sees_other_joints};
@@ -89,14 +89,14 @@ impl States {
         &self,
         k: usize,
         (effect, joint): Place,
-        shape: f64,
+        shapes: Shapes,
     ) -> [Term<f64>; MAX_COLUMNS] {
         if !sees_other_joints(effect) {
-            return effect.terms(&self.joint(k, joint), shape);
+            return effect.terms(&self.joint(k, joint), shapes[0]);
         }
         let mut joints = Vec::with_capacity(self.joints());
         self.all(k, &mut joints);
-        effect.terms_among(&joints, joint, shape)
+        effect.terms_among(&joints, joint, shapes)
     }
 
     /// Links that do not move, so many over all samples and joints.
@@ -315,9 +315,9 @@ fn displacement(columns: &[&Column], at: usize) -> Option<f64> {
         Column::Own {
             joint,
             effect,
-            shape,
+            shapes,
             ..
-        } if joint == at && effect.description().input == Input::Bristles => Some(shape),
+        } if joint == at && effect.description().input == Input::Bristles => Some(shapes[0]),
         _ => None,
     })
 }

@@ -52,8 +52,8 @@ impl DryFriction<'_> {
             states[joint].speed = sign * trajectory.speed_noise;
             let rate = |(column, value): (&Column, &f64)| match *column {
                 Column::Own {
-                    effect, shape, n, ..
-                } => value * effect.terms_among(&states, joint, shape)[n].rate,
+                    effect, shapes, n, ..
+                } => value * effect.terms_among(&states, joint, shapes)[n].rate,
                 _ => 0.0,
             };
             let columns = self.columns.of_joint[joint].iter();

@@ -10,7 +10,7 @@
 //! motion (encoder_offset, elasticity, backlash, delay) or gravity (base_tilt) is in the motion that the columns are made of;
 //! its own column is the derivative of the prediction there. No measured torque enters.
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::{EffectKind, JointState, Shapes};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
@@ -229,7 +229,7 @@ struct Made {
     /// Where a run of the regressors' numbers begins, where it goes, and its length.
     bodies: Vec<[usize; 3]>,
     /// An effect with its shape, whose columns come from one evaluation: where each of them goes, and which it is.
-    own: Vec<(EffectKind, f64, Vec<[usize; 2]>)>,
+    own: Vec<(EffectKind, Shapes, Vec<[usize; 2]>)>,
     others: Vec<(usize, Column)>,
 }
 
@@ -250,12 +250,12 @@ impl Made {
                     }
                 }
                 Column::Own {
-                    effect, shape, n, ..
+                    effect, shapes, n, ..
                 } => match made.own.last_mut() {
-                    Some((known, with, places)) if (*known, *with) == (effect, shape) => {
+                    Some((known, with, places)) if (*known, *with) == (effect, shapes) => {
                         places.push([to, n]);
                     }
-                    _ => made.own.push((effect, shape, vec![[to, n]])),
+                    _ => made.own.push((effect, shapes, vec![[to, n]])),
                 },
                 _ => made.others.push((to, column)),
             }
@@ -441,8 +441,8 @@ impl<'a> Pass<'a> {
             boundaries[to..to + count].copy_from_slice(&workspace.momentum[from.clone()]);
             rates[to..to + count].copy_from_slice(&workspace.rate[from]);
         }
-        for (effect, shape, places) in &self.made[j].own {
-            let terms = effect.terms_among(states, j, *shape);
+        for (effect, shapes, places) in &self.made[j].own {
+            let terms = effect.terms_among(states, j, *shapes);
             for &[to, n] in places {
                 (boundaries[to], rates[to]) = (terms[n].boundary, terms[n].rate);
             }

@@ -1,7 +1,9 @@
 //! The numbers of a limb's model: what a predictor is given beside the motion, and what a fit moves.
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Form, MAX_PARAMETERS, Moved, Transmission};
+use proprio_core::effect::{
+    EffectKind, Form, MAX_PARAMETERS, MAX_SHAPES, Moved, Shapes, Transmission,
+};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::encoder::Encoder;
@@ -14,6 +16,9 @@ pub(crate) type Place = (EffectKind, usize);
 pub(crate) fn is_shared(joint: usize) -> bool {
     joint == BASE
 }
+
+/// Of an effect without shapes.
+pub(crate) const NO_SHAPES: Shapes = [1.0; MAX_SHAPES];
 
 /// A load lighter than this is nowhere in particular, kg.
 pub(crate) const LEAST_LOAD: f64 = 0.01;
@@ -107,10 +112,23 @@ impl Values {
         }
     }
 
-    /// The value of an effect's shape parameter; one where it has none.
-    pub(crate) fn shape(&self, place: Place) -> f64 {
-        let shape = place.0.description().shape();
-        shape.map_or(1.0, |n| self.get(place, n))
+    /// The values of an effect's shapes.
+    pub(crate) fn shapes(&self, place: Place) -> Shapes {
+        let mut shapes = NO_SHAPES;
+        for (shape, n) in shapes.iter_mut().zip(place.0.description().shapes()) {
+            *shape = self.get(place, n);
+        }
+        shapes
+    }
+
+    /// Sets the parameters of an effect of the model that are searched.
+    pub(crate) fn set_searched(&mut self, place: Place, searched: Shapes) {
+        for (value, (n, _)) in searched
+            .into_iter()
+            .zip(place.0.description().all_searched())
+        {
+            self.set(place, n, value);
+        }
     }
 
     /// The effects at a joint that act on this, with their parameters.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, MAX_SHAPES};
 
 /// Vectors, a number per window.
 pub(super) type Vectors = Vec<Vec<f64>>;
@@ -16,8 +16,8 @@ pub(super) type Span = Arc<Vectors>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Key {
     pub(super) joint: usize,
-    /// The effect and its shape; nothing for what friction, a rotor and a constant torque explain.
-    pub(super) effect: Option<(EffectKind, u64)>,
+    /// The effect and its shapes; nothing for what friction, a rotor and a constant torque explain.
+    pub(super) effect: Option<(EffectKind, [u64; MAX_SHAPES])>,
     /// What the encoder gets wrong, bit by bit.
     pub(super) encoder: [u64; 3],
 }

@@ -1,9 +1,9 @@
 //! Where the parameters are searched in which a torque is far from linear: the values of each [`Grid`] at a joint of a limb.
 
-use proprio_core::effect::{EffectKind, Enters, Grid};
+use proprio_core::effect::{EffectKind, Enters, Grid, Shapes};
 
 use super::limb_data::LimbData;
-use crate::equation::values::{Place, Values};
+use crate::equation::values::{NO_SHAPES, Place, Values};
 
 /// Multiples of the gear ratio that harmonics are looked for at.
 pub(super) const MULTIPLES: usize = 48;
@@ -46,23 +46,16 @@ const SPACING: f64 = 0.5 * std::f64::consts::PI;
 /// same.
 const DIFFERENT: f64 = 4.0;
 
-/// Which of an effect's parameters is searched.
-pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
-    effect.description().searched().map_or(0, |(n, _)| n)
-}
-
-/// The shape next to this one that an effect may have.
-pub(crate) fn possible(effect: EffectKind, shape: f64) -> f64 {
-    let parameter = &effect.description().parameters[shape_parameter(effect)];
+/// The value next to this one that a parameter of an effect may have.
+pub(crate) fn possible((effect, n): (EffectKind, usize), shape: f64) -> f64 {
+    let parameter = &effect.description().parameters[n];
     shape.clamp(parameter.lower, parameter.upper)
 }
 
-/// Whether the best value of an effect's grid stands alone: between two of them the torque is another one.
+/// Whether the best value of one of an effect's grids stands alone: between two of them the torque is another one.
 pub(super) fn is_narrow(effect: EffectKind) -> bool {
-    matches!(
-        effect.description().searched(),
-        Some((_, Grid::Harmonics | Grid::Frequencies))
-    )
+    let mut grids = effect.description().all_searched();
+    grids.any(|(_, grid)| matches!(grid, Grid::Harmonics | Grid::Frequencies))
 }
 
 /// Whether the grid's columns are a sine and a cosine of each multiple of one frequency.
@@ -70,18 +63,18 @@ pub(super) fn is_harmonic(effect: EffectKind) -> bool {
     matches!(effect.description().searched(), Some((_, Grid::Harmonics)))
 }
 
-/// How far a shape moves that changes by the whole of its size: the shape itself where it is one, for a place the range of its grid.
-pub(crate) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
-    let range = match place.0.description().searched() {
-        Some((_, Grid::Positions)) => {
+/// How far parameter `n` of an effect moves that changes by the whole of its size: the value itself where it is one, for a place the range of its grid.
+pub(crate) fn size_of(data: &LimbData, (place, n): (Place, usize), shape: f64) -> f64 {
+    let range = match place.0.description().parameters[n].grid {
+        Some(Grid::Positions) => {
             let [from, to] = data.motion.positions(place.1);
             to - from
         }
-        Some((_, Grid::Times)) => {
+        Some(Grid::Times) => {
             let [from, to] = times(data);
             to - from
         }
-        Some((_, Grid::Evenly { least, most, .. })) => most - least,
+        Some(Grid::Evenly { least, most, .. }) => most - least,
         _ => shape.abs(),
     };
     range.max(f64::MIN_POSITIVE)
@@ -90,37 +83,38 @@ pub(crate) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
 /// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
 pub(crate) fn tried(effect: EffectKind) -> f64 {
     let description = effect.description();
-    match description.searched() {
-        Some((_, Grid::Harmonics)) => MULTIPLES as f64,
-        Some((_, Grid::Frequencies)) => FREQUENCIES as f64,
-        Some((_, Grid::Positions | Grid::Times | Grid::Evenly { .. })) => PLACES as f64,
-        Some(_) if description.enters != Enters::Derivative => DIFFERENT,
+    let tried = description.all_searched().map(|(_, grid)| match grid {
+        Grid::Harmonics => MULTIPLES as f64,
+        Grid::Frequencies => FREQUENCIES as f64,
+        Grid::Positions | Grid::Times | Grid::Evenly { .. } => PLACES as f64,
+        _ if description.enters != Enters::Derivative => DIFFERENT,
         // What has a column is tried by that.
         _ => 1.0,
-    }
+    });
+    tried.product()
 }
 
-/// The shapes of an effect to try, within what is physical; `torque` is what its joint's drive gives at a sample, N m.
-pub(super) fn grid(
+/// Of each parameter of an effect that is searched the values to try, within what is physical; `torque` is what its joint's drive gives at a sample,
+/// N m.
+pub(super) fn grids(
     data: &LimbData,
     values: &Values,
     place: Place,
     torque: &dyn Fn(usize) -> f64,
-) -> Vec<f64> {
-    let all = tried_shapes(data, values, place, torque).into_iter();
-    all.map(|shape| possible(place.0, shape)).collect()
+) -> Vec<Vec<f64>> {
+    let of = |(n, grid): (usize, Grid)| {
+        let all = tried_shapes((data, values), (place, n), grid, torque).into_iter();
+        all.map(|shape| possible((place.0, n), shape)).collect()
+    };
+    place.0.description().all_searched().map(of).collect()
 }
 
 fn tried_shapes(
-    data: &LimbData,
-    model: &Values,
-    place: Place,
+    (data, model): (&LimbData, &Values),
+    (place, n): (Place, usize),
+    grid: Grid,
     torque: &dyn Fn(usize) -> f64,
 ) -> Vec<f64> {
-    let (effect, joint) = place;
-    let Some((_, grid)) = effect.description().searched() else {
-        return Vec::new();
-    };
     match grid {
         Grid::Torques | Grid::SmallTorques => {
             let torques = (0..data.motion.time.len()).map(torque);
@@ -135,7 +129,8 @@ fn tried_shapes(
         }
         Grid::Gaps | Grid::Resonances => values_to_try(data, model, place),
         _ => {
-            let range = MotionRange::of(data, joint, least_displacement_of(data, place));
+            let least = least_displacement_of(data, (place, n));
+            let range = MotionRange::of(data, place.1, least);
             values(grid, &range).unwrap_or_default()
         }
     }
@@ -158,12 +153,12 @@ impl MotionRange {
 }
 
 /// The least displacement that an effect may have and a joint's samples resolve, rad.
-fn least_displacement_of(data: &LimbData, (effect, joint): Place) -> f64 {
+fn least_displacement_of(data: &LimbData, ((effect, joint), n): (Place, usize)) -> f64 {
     let state = &data.motion.joint[joint].state;
     let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
     let acceleration = (square / state.len().max(1) as f64).sqrt();
     least_displacement(acceleration, data.recording.period())
-        .max(effect.description().parameters[shape_parameter(effect)].lower)
+        .max(effect.description().parameters[n].lower)
 }
 
 /// When the recording of a limb begins and ends, s.
@@ -251,6 +246,21 @@ pub(crate) fn values_to_try(data: &LimbData, values: &Values, place: Place) -> V
     let stiff = (1..=STIFF).rev().map(|k| highest * STIFFER.powi(k));
     let swinging = (0..RESONANCES).rev().map(|k| lowest * HIGHER.powi(k));
     stiff.chain(swinging).map(compliance).collect()
+}
+
+/// Of a second shape one value in so many is tried beside each of the first: half to twice it, which a refinement finds its way from.
+const SECOND: usize = 3;
+
+/// Each value of a first grid beside some of a second, if there is one.
+pub(crate) fn pairs(grids: &[Vec<f64>]) -> Vec<Shapes> {
+    let none = [NO_SHAPES[1]];
+    let first = grids.first().map_or(&none[..], Vec::as_slice);
+    let second = grids.get(1).map_or(&none[..], Vec::as_slice);
+    let beside = |&second: &f64| first.iter().map(move |&first| [first, second]);
+    let second = second
+        .iter()
+        .skip(SECOND / 2 * usize::from(second.len() > 1));
+    second.step_by(SECOND).flat_map(beside).collect()
 }
 
 /// So many values from the least to the most, each as many times the one before.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{Enters, Form, Input, Moved, Transmission};
+use proprio_core::effect::{Enters, Form, Input, Moved, Shapes, Transmission};
 use proprio_core::inertia::InertialParameters;
 
 use super::directions::Directions;
@@ -508,11 +508,13 @@ impl<'a> LimbData<'a> {
     /// The entries of an effect. What a candidate might be is as likely on either side of nothing.
     fn entries(&self, place: Place, values: &Values, candidate: bool) -> Vec<Entry> {
         let (effect, joint) = place;
-        let shape = match effect.description().shape() {
-            Some(n) if !values.has(place) => self.prior(place, n).0,
-            _ => values.shape(place),
-        };
-        self.entries_of_shape(place, shape)
+        let mut shapes = values.shapes(place);
+        if !values.has(place) {
+            for (shape, n) in shapes.iter_mut().zip(effect.description().shapes()) {
+                *shape = self.prior(place, n).0;
+            }
+        }
+        self.entries_of_shapes(place, shapes)
             .into_iter()
             .map(|entry| {
                 let (mean, std) = self.prior(place, entry.parameter);
@@ -527,8 +529,8 @@ impl<'a> LimbData<'a> {
             .collect()
     }
 
-    /// The entries of an effect with this shape, without a prior.
-    fn entries_of_shape(&self, place: Place, shape: f64) -> Vec<Entry> {
+    /// The entries of an effect with these shapes, without a prior.
+    fn entries_of_shapes(&self, place: Place, shapes: Shapes) -> Vec<Entry> {
         let entry = |(parameter, column)| Entry {
             effect: Some(place.0),
             joint: place.1,
@@ -537,7 +539,7 @@ impl<'a> LimbData<'a> {
             std: f64::INFINITY,
             column,
         };
-        columns_of(place, shape).into_iter().map(entry).collect()
+        columns_of(place, shapes).into_iter().map(entry).collect()
     }
 
     /// The name of an entry: `m:FR_hip`, `coulomb:FR_hip`, `stribeck.vs:FR_hip`.

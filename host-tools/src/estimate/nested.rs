@@ -50,7 +50,7 @@ pub(crate) fn can_be_left_out(place: &Place) -> bool {
 
 /// Whether an effect can be put in without a search: one that can be left out, and no shape to find.
 pub(crate) fn can_be_put_in(place: &Place) -> bool {
-    can_be_left_out(place) && place.0.description().shape().is_none()
+    can_be_left_out(place) && !place.0.description().has_shape()
 }
 
 impl Nested {

@@ -2,16 +2,19 @@
 //!
 //! Near the shape s that was found the prediction ŷ is linear in it: with d = ∂ŷ/∂s, of the effect's own torque alone, and d⊥ what of that the joint's own columns cannot
 //! take, the residuals r leave s a standard deviation of σ/|d⊥| if they are independent, and of √Σ(Σ d⊥ r)²/|d⊥|² by the spread of
-//! the inner sums over blocks of time ([`super::deviation`]). No prior of the other parameters counts, which makes it rather too large.
+//! the inner sums over blocks of time ([`super::deviation`]). No prior of the other parameters counts, which makes it rather too large. Of an effect
+//! with two shapes D⊥ has two columns, and (D⊥ᵀD⊥)⁻¹ stands for 1/|d⊥|².
 //!
-//! A shape that is off by d⊥·r/|d⊥|², more than two of its standard deviations, is moved by that (Gauss-Newton on what the linear
-//! parameters leave: Golub & Pereyra 1973, variable projection).
+//! A shape that is off by (D⊥ᵀD⊥)⁻¹D⊥ᵀr, more than two of its standard deviations, is moved by that (Gauss-Newton on what the linear
+//! parameters leave: Golub & Pereyra 1973, variable projection); of two both are.
 //!
 //! What depends on a shape is known as badly as the shape lets it: where one is off by its standard deviation, the others are fitted again,
 //! and by how much each of them moves is a part of its own standard deviation.
 
+use nalgebra::{Matrix2, Vector2};
+
 use super::fit::LimbFit;
-use super::grid::{possible, shape_parameter, size_of};
+use super::grid::{possible, size_of};
 use super::groups::{Groups, stacked};
 use super::shapes::orthonormal;
 use crate::equation::dot::dot;
@@ -27,16 +30,20 @@ const REFUTED: f64 = 2.0;
 /// A step of a shape is no longer than this share of it: the prediction is linear in it only near.
 const LONGEST: f64 = 0.3;
 
-/// What residuals say of a shape near the present one: by how much it is off, and the standard deviation of that.
-struct ShapeTold {
-    step: f64,
-    std: f64,
+/// What residuals say of an effect's shapes near the present ones.
+struct ShapesTold {
+    /// By how much each is off.
+    step: Vector2<f64>,
+    /// Its standard deviation: infinite where the prediction does not depend on it.
+    std: Vector2<f64>,
+    /// How much of the first one's deviation is the second's, as a correlation.
+    correlation: f64,
 }
 
 /// Whether an effect has a shape that a scan finds: a limit is found by its own.
 fn is_scanned((effect, _): &Place) -> bool {
     let description = effect.description();
-    description.shape().is_some() && !description.is_limit()
+    description.has_shape() && !description.is_limit()
 }
 
 impl LimbFit<'_> {
@@ -45,27 +52,41 @@ impl LimbFit<'_> {
         let squares = made_once(&self.moved_by_shapes, || {
             let mut squares = vec![0.0; self.columns.entries.len()];
             for &place in self.places.iter().filter(|place| is_scanned(place)) {
-                let moved = self.moved_by(place).unwrap_or_default();
-                let both = squares.iter_mut().zip(moved);
-                both.for_each(|(square, by)| *square += by * by);
+                for moved in self.moved_by(place) {
+                    let both = squares.iter_mut().zip(moved);
+                    both.for_each(|(square, by)| *square += by * by);
+                }
             }
             squares
         });
         squares[entry].sqrt()
     }
 
-    /// By how much each entry of θ moves where the shape of an effect is off by its standard deviation.
-    fn moved_by(&self, place: Place) -> Option<Vec<f64>> {
-        let (data, n) = (self.data, shape_parameter(place.0));
-        let (std, parameter) = (self.shape_std(place)?, place.0.description().parameters[n]);
-        let shape = self.at.get(place, n);
+    /// By how much each entry of θ moves where the shapes of an effect are off by their standard deviations: independent directions apart, for two
+    /// that stand for each other are off together.
+    fn moved_by(&self, place: Place) -> Vec<Vec<f64>> {
+        let rows = self.data.rows(&self.at, &self.columns);
+        let Some(told) = self.shapes_told(place, &rows) else {
+            return Vec::new();
+        };
+        let [first, second] = told.std.into();
+        let alone = (1.0 - told.correlation.powi(2)).max(0.0).sqrt();
+        let directions = [[first, told.correlation * second], [0.0, alone * second]];
+        let count = place.0.description().shapes().count();
+        let moved = |by: &[f64; 2]| self.moved_along(place, *by);
+        directions[..count].iter().filter_map(moved).collect()
+    }
+
+    /// The same where the shapes are off by so much.
+    fn moved_along(&self, place: Place, by: [f64; 2]) -> Option<Vec<f64>> {
+        let data = self.data;
         let mut at = self.at.clone();
-        // A shape that is hardly known at all does not become another effect.
-        at.set(
-            place,
-            n,
-            (shape + std.min(0.5 * size_of(data, place, shape))).min(parameter.upper),
-        );
+        for (n, by) in place.0.description().shapes().zip(by) {
+            let (shape, upper) = (at.get(place, n), place.0.description().parameters[n].upper);
+            // A shape that is hardly known at all does not become another effect.
+            let most = 0.5 * size_of(data, (place, n), shape);
+            at.set(place, n, (shape + by.clamp(-most, most)).min(upper));
+        }
         let columns = data.columns(&at, &self.places, &[]);
         let rows = data.rows(&at, &columns);
         let all = Groups::of_factors(&columns, self.weights.blocks(data, &columns, &rows));
@@ -75,20 +96,21 @@ impl LimbFit<'_> {
         Some((there.theta - &self.solution.theta).as_slice().to_vec())
     }
 
-    /// How surely an effect's shape is known: by the prior alone where the prediction does not tell it.
-    pub(crate) fn known_shape(&self, place: Place) -> f64 {
-        let prior = self.data.prior(place, shape_parameter(place.0)).1;
-        self.shape_std(place).map_or(prior, |std| std.min(prior))
+    /// How surely a shape of an effect, its parameter `n`, is known: by the prior alone where the prediction does not tell it.
+    pub(crate) fn known_shape(&self, place: Place, n: usize) -> f64 {
+        let prior = self.data.prior(place, n).1;
+        self.shape_std(place, n).map_or(prior, |std| std.min(prior))
     }
 
-    /// Standard deviation of an effect's shape; `None` where the prediction does not depend on it.
-    fn shape_std(&self, place: Place) -> Option<f64> {
+    /// Standard deviation of a shape of an effect; `None` where the prediction does not depend on it.
+    fn shape_std(&self, place: Place, n: usize) -> Option<f64> {
         if place.0.description().is_limit() {
             let told = self.limits.iter().find(|(limited, _)| *limited == place);
             return told.map(|(_, std)| *std);
         }
         let rows = self.data.rows(&self.at, &self.columns);
-        self.shape_told(place, &rows).map(|told| told.std)
+        let at = place.0.description().shapes().position(|shape| shape == n);
+        Some(self.shapes_told(place, &rows)?.std[at.unwrap_or(0)])
     }
 
     /// The fit's values with those shapes moved that its residuals refute; `None` if they refute none. A scan stands beside friction, a rotor
@@ -97,17 +119,22 @@ impl LimbFit<'_> {
         let mut values = None;
         let scanned = |place: &&Place| is_scanned(place) && !held.contains(place);
         for &place in self.places.iter().filter(scanned) {
-            let (n, shape) = (
-                shape_parameter(place.0),
-                self.values.get(place, shape_parameter(place.0)),
-            );
-            let Some(told) = self.shape_told(place, rows) else {
+            let Some(told) = self.shapes_told(place, rows) else {
                 continue;
             };
-            if told.step.abs() > REFUTED * told.std {
-                let longest = LONGEST * size_of(self.data, place, shape);
-                let step = told.step.clamp(-longest, longest);
-                let next = possible(place.0, shape + step);
+            let both = || told.step.iter().zip(told.std.iter());
+            if !both().any(|(step, std)| step.abs() > REFUTED * std) {
+                continue;
+            }
+            let shapes = place.0.description().shapes();
+            let shapes = shapes.map(|n| (n, self.values.get(place, n)));
+            let longest = |(n, shape)| LONGEST * size_of(self.data, (place, n), shape);
+            // In the direction of both, as far as the one goes that is the first to have gone too far.
+            let shares = shapes.clone().zip(&told.step);
+            let shares = shares.map(|(own, step)| longest(own) / step.abs());
+            let share = shares.fold(1.0, f64::min);
+            for ((n, shape), step) in shapes.zip(&told.step) {
+                let next = possible((place.0, n), shape + share * step);
                 if next != shape {
                     let moved = values.get_or_insert_with(|| self.values.clone());
                     moved.set(place, n, next);
@@ -117,46 +144,75 @@ impl LimbFit<'_> {
         values
     }
 
-    /// What the residuals say of a shape; `None` where the prediction does not depend on it.
-    fn shape_told(&self, place: Place, rows: &Rows) -> Option<ShapeTold> {
+    /// What the residuals say of an effect's shapes; `None` where the prediction depends on none, or on two in the same way.
+    fn shapes_told(&self, place: Place, rows: &Rows) -> Option<ShapesTold> {
         let (data, n, joint) = (self.data, self.data.joints(), place.1);
         let windows: Vec<usize> = (0..data.motion.windows.len())
             .filter(|&w| data.counts(w, joint))
             .collect();
-        let parameter = shape_parameter(place.0);
-        let shape = self.values.get(place, parameter);
-        let near = NEAR * size_of(data, place, shape);
-        let [less, more] = [-near, near].map(|by| self.explained(place, shape + by, &windows));
-        let slope = |n: usize| (more[n] - less[n]) / (2.0 * near);
-        let own = self.beside_own_columns(
-            rows,
-            joint,
-            &windows,
-            (0..windows.len()).map(slope).collect(),
-        )?;
+        let slopes = |parameter: usize| {
+            let shape = self.values.get(place, parameter);
+            let near = NEAR * size_of(data, (place, parameter), shape);
+            let [less, more] =
+                [-near, near].map(|by| self.explained(place, (parameter, shape + by), &windows));
+            let slope = |n: usize| (more[n] - less[n]) / (2.0 * near);
+            let slopes = (0..windows.len()).map(slope).collect();
+            self.beside_own_columns(rows, joint, &windows, slopes)
+        };
+        let told: Vec<Option<Vec<f64>>> = place.0.description().shapes().map(slopes).collect();
+        if told.iter().all(Option::is_none) {
+            return None;
+        }
         let numbers = self.columns.combined(self.solution.theta.as_slice());
-        let square = dot(&own, &own);
-        let mut blocks = vec![0.0; data.blocks.count()];
-        let (mut left, mut along) = (0.0, 0.0);
-        for (w, own) in windows.iter().zip(&own) {
+        let own = |shape: usize, at: usize| {
+            let own = told.get(shape).and_then(Option::as_ref);
+            own.map_or(0.0, |own| own[at])
+        };
+        let mut gram = Matrix2::zeros();
+        let mut blocks = vec![Vector2::zeros(); data.blocks.count()];
+        let (mut left, mut along) = (0.0, Vector2::zeros());
+        for (at, w) in windows.iter().enumerate() {
             let residual = data.torque[w * n + joint] - dot(&numbers[joint], rows.row(*w, joint));
+            let own = Vector2::new(own(0, at), own(1, at));
+            gram += own * own.transpose();
             blocks[data.motion.windows[*w].block] += own * residual;
             along += own * residual;
             left += residual * residual;
         }
-        let independent = (left / windows.len() as f64 / square).sqrt();
-        let by_blocks = blocks.iter().map(|x| x * x).sum::<f64>().sqrt() / square;
-        Some(ShapeTold {
-            step: along / square,
-            std: independent.max(by_blocks),
+        // What there is not, or is not told, stands beside the other as if it were known.
+        let is_told = [0, 1].map(|shape| told.get(shape).is_some_and(Option::is_some));
+        for shape in (0..2).filter(|shape| !is_told[*shape]) {
+            gram[(shape, shape)] = 1.0;
+        }
+        let inverse = gram.try_inverse()?;
+        let by_blocks = blocks
+            .iter()
+            .map(|own| inverse * own * own.transpose() * inverse);
+        let by_blocks: Matrix2<f64> = by_blocks.sum();
+        let independent = inverse * (left / windows.len() as f64);
+        let std = |shape: usize| match is_told[shape] {
+            true => independent[(shape, shape)]
+                .max(by_blocks[(shape, shape)])
+                .sqrt(),
+            false => f64::INFINITY,
+        };
+        Some(ShapesTold {
+            step: inverse * along,
+            std: Vector2::new(std(0), std(1)),
+            correlation: inverse[(0, 1)] / (inverse[(0, 0)] * inverse[(1, 1)]).sqrt(),
         })
     }
 
-    /// What an effect of this shape explains in windows of its joint, N m.
-    fn explained(&self, place: Place, shape: f64, windows: &[usize]) -> Vec<f64> {
+    /// What an effect explains in windows of its joint where one of its shapes has this value, N m.
+    fn explained(
+        &self,
+        place: Place,
+        (parameter, shape): (usize, f64),
+        windows: &[usize],
+    ) -> Vec<f64> {
         let (data, joint) = (self.data, place.1);
         let mut values = self.values.clone();
-        values.set(place, shape_parameter(place.0), shape);
+        values.set(place, parameter, shape);
         let columns = data.columns_of_effect(place, &values);
         let rows = data.rows(&values, &columns);
         let numbers = &columns.numbers(&values)[joint];

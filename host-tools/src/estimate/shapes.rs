@@ -2,22 +2,22 @@
 //! saturation's limit, the width of a play.
 //!
 //! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
-//! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
+//! explain, or for a grid of pairs where an effect has two; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
 //! prediction. No shape sees the torque that it explains but as the right-hand side.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::{EffectKind, Grid, Input, JointState, MAX_COLUMNS};
+use proprio_core::effect::{EffectKind, Grid, Input, JointState, MAX_COLUMNS, MAX_SHAPES, Shapes};
 
 use super::directions::{Kept, Key, Span, Vectors};
-use super::grid::{MULTIPLES, gear, grid, is_harmonic, is_narrow, shape_parameter, size_of};
+use super::grid::{MULTIPLES, gear, grids, is_harmonic, is_narrow, pairs, size_of};
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
 use crate::equation::joint_states::States;
 use crate::equation::presliding::Way;
-use crate::equation::values::{Place, Values};
+use crate::equation::values::{NO_SHAPES, Place, Values};
 use crate::once::made_once;
 use crate::parallel::side_by_side;
 
@@ -56,17 +56,20 @@ pub(crate) fn better<'a>(
     }
     let mut scan = scan();
     scan.is_near = again;
-    let best: Vec<Option<f64>> = side_by_side(&places, |&place| scan.closest(place));
+    let best: Vec<Option<Shapes>> = side_by_side(&places, |&place| scan.closest(place));
     let (mut values, mut moved, mut nothing) = (scan.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
         let Some(best) = best else {
             nothing |= place.0.description().is_compliant();
             continue;
         };
-        let n = shape_parameter(place.0);
-        let before = scan.at.get(place, n);
-        if (best - before).abs() > SAME * size_of(scan.data, place, before) {
-            values.set(place, n, best);
+        let is_other = |((n, _), best): ((usize, Grid), f64)| {
+            let before = scan.at.get(place, n);
+            (best - before).abs() > SAME * size_of(scan.data, (place, n), before)
+        };
+        let mut searched = place.0.description().all_searched().zip(best);
+        if searched.any(is_other) {
+            values.set_searched(place, best);
             moved = true;
         }
     }
@@ -96,7 +99,7 @@ pub(crate) struct Scan<'a> {
     /// Of each joint its way, if a scan asks.
     ways: Vec<OnceLock<Vec<Way>>>,
     /// The columns of an effect of some shape over all of its joint's windows.
-    made: Kept<(Place, u64)>,
+    made: Kept<(Place, [u64; MAX_SHAPES])>,
     /// Whether plays and springs are sought near the present ones only.
     pub(super) is_near: bool,
 }
@@ -152,28 +155,28 @@ impl<'a> Scan<'a> {
         made_once(&self.states, made)
     }
 
-    /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
-    pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
+    /// The best shapes of an effect on the windows of the folds that are chosen, or what else of it is searched; `None` if they are too few.
+    pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<Shapes> {
         self.found(place, chosen, true, None)
     }
 
-    /// The same, or this `known` one where those windows cannot tell the best from it: the moment of a change, of windows of other times.
+    /// The same, or these `known` ones where those windows cannot tell the best from it: the moment of a change, of windows of other times.
     pub(crate) fn best_beside(
         &self,
         place: Place,
-        known: f64,
+        known: Shapes,
         chosen: &dyn Fn(usize) -> bool,
-    ) -> Option<f64> {
+    ) -> Option<Shapes> {
         self.found(place, chosen, true, Some(known))
     }
 
-    /// The best shape on all windows.
-    pub(crate) fn closest(&self, place: Place) -> Option<f64> {
+    /// The best shapes on all windows.
+    pub(crate) fn closest(&self, place: Place) -> Option<Shapes> {
         self.best(place, &|_| true)
     }
 
     /// The best of the shapes that are tried first, which looks much like the best one; of harmonics, which are narrow, that.
-    pub(crate) fn about(&self, place: Place) -> Option<f64> {
+    pub(crate) fn about(&self, place: Place) -> Option<Shapes> {
         self.found(place, &|_| true, is_narrow(place.0), None)
     }
 
@@ -182,16 +185,17 @@ impl<'a> Scan<'a> {
         place: Place,
         chosen: &dyn Fn(usize) -> bool,
         closely: bool,
-        known: Option<f64>,
-    ) -> Option<f64> {
+        known: Option<Shapes>,
+    ) -> Option<Shapes> {
         let (effect, joint) = place;
         if effect.description().is_compliant() {
-            return self.best_looseness(place, chosen);
+            let best = self.best_looseness(place, chosen)?;
+            return Some([best, NO_SHAPES[1]]);
         }
         let (windows, mut residual) = self.told(joint, chosen)?;
         if self.values.has(place) {
             // What the effect explains with its present shape is for the new shape to explain.
-            let columns = self.columns(&windows, place, self.values.shape(place));
+            let columns = self.columns(&windows, place, self.values.shapes(place));
             for (column, n) in columns.into_iter().zip(effect.description().linear()) {
                 let value = self.values.get(place, n);
                 residual
@@ -203,37 +207,54 @@ impl<'a> Scan<'a> {
         // Of some windows only nothing is kept: what all shapes stand beside is made once.
         let basis = OnceLock::new();
         let basis = || -> &Span { made_once(&basis, || self.basis(&windows, joint)) };
-        let span = |shape: f64| self.span(&windows, place, shape, &basis);
-        let fall = |shape: f64| explained(&span(shape), &residual);
+        let span = |shapes: Shapes| self.span(&windows, place, shapes, &basis);
+        let fall = |shapes: Shapes| explained(&span(shapes), &residual);
         let torque = |k: usize| self.states().joint(k, joint).tau;
-        let grid = grid(self.data, self.values, place, &torque);
-        let is_known = |shape: &f64| self.known(&windows, place, *shape).is_some();
-        if is_harmonic(effect) && !grid.iter().all(is_known) {
+        let grids = grids(self.data, self.values, place, &torque);
+        // A pair costs the product of both grids: one that is known is looked for about where it is.
+        let present =
+            || (self.is_near && self.values.has(place)).then(|| self.values.shapes(place));
+        let near = known.or_else(present).filter(|_| grids.len() > 1);
+        let all = near.map_or_else(|| pairs(&grids), |near| vec![near]);
+        let is_known = |shapes: &Shapes| self.known(&windows, place, *shapes).is_some();
+        if is_harmonic(effect) && !all.iter().all(is_known) {
             let harmonics = self.harmonics(&windows, place);
-            for (shape, columns) in grid.iter().zip(harmonics) {
-                let key = self.shape_key(&windows, place, *shape);
+            for (shapes, columns) in all.iter().zip(harmonics) {
+                let key = self.shape_key(&windows, place, *shapes);
                 self.keep(key, beside(columns, basis()));
             }
         }
-        let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
-        let parameter = &effect.description().parameters[shape_parameter(effect)];
-        // No finer than a grid that begins at what the samples resolve.
-        let lower = match parameter.grid {
-            Some(Grid::Displacements) => grid[0],
-            _ => parameter.lower,
-        };
+        let falls: Vec<f64> = all.iter().map(|&shapes| fall(shapes)).collect();
+        let searched = effect.description().all_searched().zip(&grids);
+        let bounds = searched.map(|((n, grid), values)| {
+            let parameter = &effect.description().parameters[n];
+            // No finer than a grid that begins at what the samples resolve.
+            let lower = match grid {
+                Grid::Displacements => values[0],
+                _ => parameter.lower,
+            };
+            [lower, parameter.upper]
+        });
+        let bounds: Vec<[f64; 2]> = bounds.collect();
         // Harmonics are narrow; of other shapes the next one explains much the same.
-        let most = falls.iter().copied().fold(0.0, f64::max);
+        let at = best_of(&falls);
+        let most = falls[at];
         let square = dot(&residual, &residual);
         let explains = most >= LEAST_FALL * square;
-        let best = if !closely || !is_narrow(effect) && !explains {
-            grid[best_of(&falls)]
+        let mut best = if !closely || !is_narrow(effect) && !explains {
+            all[at]
         } else {
-            refined(&grid, &falls, lower.min(0.0), &fall)
+            let steps: Vec<f64> = (grids.iter().zip(all[at]))
+                .map(|(grid, value)| step_beside(grid, value))
+                .collect();
+            let above: Vec<f64> = bounds.iter().map(|[lower, _]| lower.min(0.0)).collect();
+            closest((all[at], most), &steps, &above, &fall)
         };
-        let best = best.clamp(lower, parameter.upper);
+        for (best, [lower, upper]) in best.iter_mut().zip(&bounds) {
+            *best = best.clamp(*lower, *upper);
+        }
         // As likely but for the noise of one window: half a unit of the log-likelihood.
-        let is_as_likely = |known: &f64| {
+        let is_as_likely = |known: &Shapes| {
             let most = fall(best);
             most - fall(*known) < (square - most) / windows.len() as f64
         };
@@ -259,30 +280,30 @@ impl<'a> Scan<'a> {
         }
         let mut basis = Vectors::new();
         for effect in EffectKind::PLAIN {
-            for column in self.columns(windows, (effect, joint), 1.0) {
+            for column in self.columns(windows, (effect, joint), NO_SHAPES) {
                 basis.extend(orthonormal(column, &basis));
             }
         }
         self.keep(key, basis)
     }
 
-    /// Directions that an effect of some shape adds to the `basis`.
+    /// Directions that an effect of these shapes adds to the `basis`.
     fn span<'b>(
         &self,
         windows: &[usize],
         place: Place,
-        shape: f64,
+        shapes: Shapes,
         basis: &(dyn Fn() -> &'b Span + Sync),
     ) -> Span {
-        self.known(windows, place, shape).unwrap_or_else(|| {
-            let columns = self.columns(windows, place, shape);
+        self.known(windows, place, shapes).unwrap_or_else(|| {
+            let columns = self.columns(windows, place, shapes);
             let span = beside(columns, basis());
-            self.keep(self.shape_key(windows, place, shape), span)
+            self.keep(self.shape_key(windows, place, shapes), span)
         })
     }
 
-    fn known(&self, windows: &[usize], place: Place, shape: f64) -> Option<Span> {
-        let key = self.shape_key(windows, place, shape)?;
+    fn known(&self, windows: &[usize], place: Place, shapes: Shapes) -> Option<Span> {
+        let key = self.shape_key(windows, place, shapes)?;
         self.data.directions.get(&key)
     }
 
@@ -294,8 +315,8 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn shape_key(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Option<Key> {
-        self.key(windows, joint, Some((effect, shape.to_bits())))
+    fn shape_key(&self, windows: &[usize], (effect, joint): Place, shapes: Shapes) -> Option<Key> {
+        self.key(windows, joint, Some((effect, shapes.map(f64::to_bits))))
     }
 
     /// What directions are kept under; `None` if they depend on more than the motion, or are of some windows only.
@@ -303,7 +324,7 @@ impl<'a> Scan<'a> {
         &self,
         windows: &[usize],
         joint: usize,
-        effect: Option<(EffectKind, u64)>,
+        effect: Option<(EffectKind, [u64; MAX_SHAPES])>,
     ) -> Option<Key> {
         let is_kept = effect.is_none_or(|(effect, _)| !effect.description().depends_on_model())
             && windows.len() == self.windows[joint].len();
@@ -315,14 +336,14 @@ impl<'a> Scan<'a> {
     }
 
     /// The columns of an effect over windows, as rows have them.
-    fn columns(&self, windows: &[usize], place: Place, shape: f64) -> Vectors {
+    fn columns(&self, windows: &[usize], place: Place, shapes: Shapes) -> Vectors {
         let all = &self.windows[place.1];
         if windows.len() == all.len() {
-            return self.columns_of_all(place, shape);
+            return self.columns_of_all(place, shapes);
         }
         // Folds ask for the same shapes, each for other windows.
-        let key = (place, shape.to_bits());
-        let made = (self.made).get_or(key, || self.columns_of_all(place, shape));
+        let key = (place, shapes.map(f64::to_bits));
+        let made = (self.made).get_or(key, || self.columns_of_all(place, shapes));
         let at: Vec<usize> = (windows.iter())
             .filter_map(|window| all.binary_search(window).ok())
             .collect();
@@ -330,13 +351,13 @@ impl<'a> Scan<'a> {
         made.iter().map(chosen).collect()
     }
 
-    fn columns_of_all(&self, (effect, joint): Place, shape: f64) -> Vectors {
+    fn columns_of_all(&self, (effect, joint): Place, shapes: Shapes) -> Vectors {
         let windows = &self.windows[joint];
         let motion = &self.data.motion;
         if effect.description().input == Input::Bristles {
             // The states have what bristles of one displacement do; all of their term is a boundary.
             let ways = made_once(&self.ways[joint], || motion.ways(&motion.joint[joint]));
-            let impulse = ways.iter().flat_map(|way| way.impulse(shape));
+            let impulse = ways.iter().flat_map(|way| way.impulse(shapes[0]));
             let impulse: Vec<f64> = impulse.collect();
             let of = |&w: &usize| {
                 let window = &motion.windows[w];
@@ -348,7 +369,7 @@ impl<'a> Scan<'a> {
         let is_limit = effect.description().is_limit();
         let greatest = is_limit.then(|| &self.greatest()[joint]);
         let states = self.states();
-        let term = |k: usize| states.terms(k, (effect, joint), shape);
+        let term = |k: usize| states.terms(k, (effect, joint), shapes);
         // Of the catalogue none sees the other joints: its state is put together once for all shapes.
         let is_own = matches!(effect, EffectKind::Own(_));
         let mut all = self.samples(joint).iter();
@@ -366,7 +387,7 @@ impl<'a> Scan<'a> {
             for (k, sample) in (first..).zip(samples) {
                 let terms = match is_own {
                     true => term(k),
-                    false => effect.terms(&sample.state, shape),
+                    false => effect.terms(&sample.state, shapes[0]),
                 };
                 for (sum, term) in sums.iter_mut().zip(terms) {
                     *sum += sample.weight * term.rate + sample.edge * term.boundary;
@@ -422,7 +443,7 @@ impl<'a> Scan<'a> {
             let [first, last] = window.samples;
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
-                let terms = self.states().terms(k, (effect, joint), gear);
+                let terms = (self.states()).terms(k, (effect, joint), [gear, NO_SHAPES[1]]);
                 let [sin, cos] = terms.map(|term| term.rate);
                 let weight = self.weight(first..last, k);
                 let (mut s, mut c) = (weight * sin, weight * cos);
@@ -447,7 +468,18 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// The shape with the largest fall, between the neighbours of the best of a grid; it is `above` this.
+/// Half way from the value of a grid that is next to this one to its neighbour.
+fn step_beside(grid: &[f64], value: f64) -> f64 {
+    let away = |at: usize| (grid[at] - value).abs();
+    let at = (0..grid.len())
+        .rev()
+        .min_by(|a, b| away(*a).total_cmp(&away(*b)));
+    let at = at.unwrap_or(0);
+    let neighbour = grid.get(at + 1).unwrap_or(&grid[at.saturating_sub(1)]);
+    0.5 * (neighbour - grid[at]).abs()
+}
+
+/// The value with the largest fall, between the neighbours of the best of a grid; it is `above` this.
 pub(super) fn refined(
     grid: &[f64],
     falls: &[f64],
@@ -455,21 +487,43 @@ pub(super) fn refined(
     fall: &(dyn Fn(f64) -> f64 + Sync),
 ) -> f64 {
     let best = best_of(falls);
-    let (mut shape, mut most) = (grid[best], falls[best]);
-    let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
-    let mut step = 0.5 * (neighbour - shape).abs();
+    let begin = ([grid[best], NO_SHAPES[1]], falls[best]);
+    let [best, _] = closest(
+        begin,
+        &[step_beside(grid, grid[best])],
+        &[above],
+        &|shapes| fall(shapes[0]),
+    );
+    best
+}
+
+/// The shapes with the largest fall about those that an earlier search has found, with the fall of these: each is tried `steps` less and more, which
+/// become shorter; each stays `above` this.
+fn closest(
+    (mut shapes, mut most): (Shapes, f64),
+    steps: &[f64],
+    above: &[f64],
+    fall: &(dyn Fn(Shapes) -> f64 + Sync),
+) -> Shapes {
+    let mut steps = steps.to_vec();
     for _ in 0..ROUNDS {
-        let [less, more] = [shape - step, shape + step];
-        let told = |shape: f64| (shape > above).then(|| (shape, fall(shape)));
-        let found = side_by_side(&[less, more], |&shape| told(shape));
-        for (other, fall) in found.into_iter().flatten() {
-            if fall > most {
-                (shape, most) = (other, fall);
+        for (n, step) in steps.iter().enumerate() {
+            let tried = [-step, *step].map(|by| {
+                let mut tried = shapes;
+                tried[n] += by;
+                tried
+            });
+            let told = |tried: Shapes| (tried[n] > above[n]).then(|| (tried, fall(tried)));
+            let found = side_by_side(&tried, |&tried| told(tried));
+            for (other, fall) in found.into_iter().flatten() {
+                if fall > most {
+                    (shapes, most) = (other, fall);
+                }
             }
         }
-        step /= 3.0;
+        steps.iter_mut().for_each(|step| *step /= 3.0);
     }
-    shape
+    shapes
 }
 
 /// Where the largest fall of a grid is.

@@ -44,6 +44,18 @@ const ANYWHERE: [(&str, Option<Grid>, Option<Border>); 10] = [
 const WIDTHS: [f64; 6] = [0.3, 0.21, 0.15, 0.11, 0.08, 0.055];
 const AT_PLACES: [&str; 2] = ["exp(-((q - p)/W)^2)", "(q - p)*exp(-((q - p)/W)^2)"];
 
+/// A spring between two points at a and b from the joint's axis, W = (a² + b²)/2ab, whose tension is not in proportion to its length: the part that is
+/// in proportion looks like a body's weight.
+const LEVER: &str = "sin(q - p)/sqrt(W - cos(q - p))";
+/// Levers from nearly equal ones to four to one, by what comes of them at the least: W − 1.
+const BENDS: [f64; 5] = [0.05, 0.13, 0.3, 0.6, 1.1];
+/// Where the lever points away from the spring: anywhere.
+const TURN: Grid = Grid::Evenly {
+    least: -std::f64::consts::PI,
+    most: std::f64::consts::PI,
+    count: 24,
+};
+
 /// Torques of their own.
 const ALONE: [(&str, Option<Grid>); 3] = [
     ("tanh(dq/p)", Some(Grid::SpeedsOfMotion)),
@@ -63,7 +75,7 @@ const OF_ANOTHER: [&str; 5] = [
     "(dq - dq.X)*abs(dq - dq.X)",
 ];
 
-/// A function of a joint's motion with one parameter, `p`, at most.
+/// A function of a joint's motion with one parameter, `p`, at most: a width is a number in it.
 pub(crate) struct Factor(Expression);
 
 impl Factor {
@@ -94,12 +106,12 @@ pub(crate) struct Term {
     pub(crate) grid: Option<Grid>,
     /// Where it begins or ends, if it does at its parameter.
     pub(crate) border: Option<Border>,
-    /// Of one of [`AT_PLACES`] that, and its width, rad.
+    /// Of one of [`AT_PLACES`] that and its width, rad, or of [`LEVER`] that and its bend: a parameter of the torque, `w`, and a number of the factor.
     width: Option<(&'static str, f64)>,
 }
 
 impl Term {
-    /// Its width, rad, if it has one.
+    /// Its width, rad, or its bend, if it has one.
     pub(crate) fn width(&self) -> Option<f64> {
         self.width.map(|(_, width)| width)
     }
@@ -107,11 +119,18 @@ impl Term {
     /// The same with another width.
     pub(crate) fn with_width(mut self, width: f64) -> Self {
         if let Some((text, own)) = &mut self.width {
-            // Three digits: a width is a size, and is read.
-            *own = format!("{width:.2e}").parse::<f64>().unwrap_or(width);
+            *own = width;
             self.factors = vec![text.replace('W', &own.to_string())];
         }
         self
+    }
+
+    /// Its factors as the torque has them, by all of its parameters.
+    fn symbols(&self) -> Vec<String> {
+        match self.width {
+            Some((text, _)) => vec![text.replace('W', "w")],
+            None => self.factors.clone(),
+        }
     }
 
     /// The text of the torque: `c*(…)*sign(dq)`.
@@ -122,14 +141,14 @@ impl Term {
         };
         let carrier = self.carrier.map_or(String::new(), |by| format!("*{by}"));
         let of =
-            |(coefficient, factor): (&&str, &String)| format!("{coefficient}*{factor}{carrier}");
-        let all: Vec<String> = coefficients.iter().zip(&self.factors).map(of).collect();
+            |(coefficient, factor): (&&str, String)| format!("{coefficient}*{factor}{carrier}");
+        let all: Vec<String> = coefficients.iter().zip(self.symbols()).map(of).collect();
         all.join(" + ")
     }
 
     /// A name for it, of the letters of its factors.
     pub(crate) fn name(&self) -> String {
-        let text = format!("{} {}", self.factors[0], self.carrier.unwrap_or_default());
+        let text = format!("{} {}", self.symbols()[0], self.carrier.unwrap_or_default());
         let words = text.split(|c: char| !c.is_ascii_alphanumeric());
         let words: Vec<String> = (words.filter(|word| !word.is_empty()))
             .map(str::to_ascii_lowercase)
@@ -139,7 +158,8 @@ impl Term {
 
     /// How many numbers it has.
     pub(crate) fn numbers(&self) -> usize {
-        self.factors.len() + usize::from(self.grid.is_some())
+        let shapes = usize::from(self.grid.is_some()) + usize::from(self.width.is_some());
+        self.factors.len() + shapes
     }
 
     /// How much there is to its text: what is as good and has less is preferred.
@@ -183,19 +203,25 @@ pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
             put("", vec![text.replace('X', &other)], None, None);
         }
     }
+    let mut put = |carrier, (text, grid): (&'static str, Grid), width: f64| {
+        let term = Term {
+            carrier,
+            factors: Vec::new(),
+            grid: Some(grid),
+            border: None,
+            width: Some((text, 0.0)),
+        };
+        all.push(term.with_width(width));
+    };
     for carrier in [None, Some("sign(dq)")] {
-        let at_places = AT_PLACES.iter();
-        let widths = at_places.flat_map(|text| WIDTHS.map(|share| (*text, share)));
-        all.extend(widths.map(|(text, share)| {
-            let term = Term {
-                carrier,
-                factors: Vec::new(),
-                grid: Some(Grid::Positions),
-                border: None,
-                width: Some((text, 0.0)),
-            };
-            term.with_width(share * travel)
-        }));
+        for text in AT_PLACES {
+            for share in WIDTHS {
+                put(carrier, (text, Grid::Positions), share * travel);
+            }
+        }
+    }
+    for bend in BENDS {
+        put(None, (LEVER, TURN), 1.0 + bend);
     }
     all
 }

@@ -4,7 +4,7 @@
 //! what the gear transmits under the model), `temp` (°C), `t` (s); those of another joint of the limb are `q.FR_hip`. Every other name is a
 //! parameter. [`define`] turns the text into facts and columns like those of the catalogue, so that every room treats it as one of them:
 //!
-//! - parameters that multiply (two at most) have columns; one in which the torque is not linear is scanned over a grid and refined; others
+//! - parameters that multiply (two at most) have columns; two in which the torque is not linear are scanned over a grid and refined; others
 //!   are held at a value
 //! - the acceleration enters by differences of momentum, f(q) q̈ = d/dt(f q̇) − ḟ q̇: no signal is differentiated twice
 //! - the sign of a velocity follows the joint's own rule of rest
@@ -39,7 +39,7 @@ use std::ops::Range;
 
 use proprio_core::effect::{
     CoupledTerms, Description, Form, Grid, Input, JointState, MAX_COLUMNS, MAX_PARAMETERS,
-    OwnEffect, Parameter, Prior, Term, Varies,
+    MAX_SHAPES, OwnEffect, Parameter, Prior, Shapes, Term, Varies,
 };
 
 use columns::{Integrated, split, window_terms};
@@ -212,8 +212,9 @@ pub fn define(
     let shapes: Vec<usize> = (0..names.len())
         .filter(|n| held[*n].is_none() && !parts.linear.contains(n))
         .collect();
-    if shapes.len() > 1 {
-        return Err(too_many("parameters in which it is not linear", 1));
+    if shapes.len() > MAX_SHAPES {
+        let what = "parameters in which it is not linear";
+        return Err(too_many(what, MAX_SHAPES));
     }
     let stated_whole = law.torque(Law::of(&parsed.expression).1, 0);
     let units = units(
@@ -236,21 +237,22 @@ pub fn define(
         columns_of.push((*joint, own.collect::<Result<_, _>>()?));
     }
     let input = input(&of_law).map_err(|problem| fault(&whole, problem))?;
-    let shape = shapes.first().map(|&n| {
-        let grid = grid(&of(n), &expression, (n, &units[n]), site);
-        (n, grid)
-    });
-    let tried = shape.map_or([1.0; 3], |(_, grid)| site.examples(grid));
-    let parameters_at = |value: f64| -> Vec<f64> {
-        let is_shape = |n: usize| shape.is_some_and(|(own, _)| own == n);
-        (0..names.len())
-            .map(|n| match is_shape(n) {
-                true => value,
-                false => 1.0,
+    let with_grid = |n: usize| (n, grid(&of(n), &expression, (n, &units[n]), site));
+    let mut shapes: Vec<(usize, Grid)> = shapes.into_iter().map(with_grid).collect();
+    // A search has all values of the first beside a few of the second.
+    shapes.sort_by_key(|(_, grid)| width_of(*grid));
+    // Each example of one beside each of the other.
+    let mut sets = vec![vec![1.0; names.len()]];
+    for (n, grid) in &shapes {
+        let with = |set: &Vec<f64>| {
+            site.examples(*grid).map(|value| {
+                let mut set = set.clone();
+                set[*n] = value;
+                set
             })
-            .collect()
-    };
-    let sets = tried.map(parameters_at);
+        };
+        sets = sets.iter().flat_map(with).collect();
+    }
     let at_others = others_act.iter().flat_map(|(_, all)| all.iter().flatten());
     let everywhere: Vec<Expression> = parts.factors.iter().chain(at_others).cloned().collect();
     site.check_finite(&expression, &everywhere, &sets)
@@ -287,7 +289,7 @@ pub fn define(
             |[mean, std]| Prior { mean, std },
         ));
     }
-    if let Some((n, grid)) = shape {
+    for &(n, grid) in &shapes {
         let stated = of(n);
         let [least, most] = site.range(grid);
         let positive = if grid_is_positive(grid) {
@@ -327,17 +329,21 @@ pub fn define(
         true => Varies::Slowly,
         false => Varies::Fast,
     };
-    let (count, shape_at) = (names.len(), shape.map(|(n, _)| n));
-    let parameters_of = move |shape: f64| {
+    let count = names.len();
+    let mut places = [MOST_NAMES; MAX_SHAPES];
+    (places.iter_mut().zip(&shapes)).for_each(|(place, (n, _))| *place = *n);
+    let parameters_of = move |shapes: Shapes| {
         let mut parameters = [1.0; MOST_NAMES];
-        if let Some(n) = shape_at {
-            parameters[n] = shape;
+        for (place, shape) in places.into_iter().zip(shapes) {
+            if let Some(parameter) = parameters.get_mut(place) {
+                *parameter = shape;
+            }
         }
         parameters
     };
     let is_coupled = !columns_of.is_empty();
     columns_of.push((0, columns.iter().cloned().map(Some).collect()));
-    let coupled = move |joints: &[JointState<f64>], own: usize, at: usize, shape: f64| {
+    let coupled = move |joints: &[JointState<f64>], own: usize, at: usize, shapes: Shapes| {
         let is_felt = |(joint, _): &&(isize, _)| own.checked_add_signed(*joint) == Some(at);
         let felt = columns_of.iter().find(is_felt);
         // The functions name joints by their places after the effect's own.
@@ -346,7 +352,7 @@ pub fn define(
                 .1
                 .get(n)?
                 .as_ref()?
-                .term(joints, own, &parameters_of(shape)[..count])
+                .term(joints, own, &parameters_of(shapes)[..count])
         };
         std::array::from_fn(|n| of(n).unwrap_or_else(Term::zero))
     };
@@ -378,8 +384,8 @@ pub fn define(
         priors: priors.leak(),
         others: others.leak(),
         terms: Box::leak(Box::new(
-            move |joints: &[JointState<f64>], at: usize, shape: f64| {
-                window_terms(&columns, joints, at, &parameters_of(shape)[..count])
+            move |joints: &[JointState<f64>], at: usize, shapes: Shapes| {
+                window_terms(&columns, joints, at, &parameters_of(shapes)[..count])
             },
         )),
         coupled,
@@ -689,6 +695,15 @@ fn multiplies_position(expression: &Expression, n: usize) -> bool {
         }
     });
     found
+}
+
+/// How far its neighbours tell of a value of a grid: a frequency stands alone, a place looks like the next, a size like those of half and twice it.
+fn width_of(grid: Grid) -> u8 {
+    match grid {
+        Grid::Harmonics | Grid::Frequencies => 0,
+        Grid::Positions | Grid::Times | Grid::Evenly { .. } => 1,
+        _ => 2,
+    }
 }
 
 /// Whether what a grid looks for is a size.

@@ -1,6 +1,6 @@
 //! Formulas: what they mean, what of them has a column, and what is refused, where.
 
-use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS};
+use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, MAX_SHAPES};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -82,7 +82,7 @@ fn formulas_are_what_the_catalogue_has() {
     for (effect, text, shape) in pairs {
         let own = defined(text);
         for joints in states() {
-            let mine = (own.terms)(&joints, 2, shape);
+            let mine = (own.terms)(&joints, 2, [shape, 1.0]);
             let theirs = match effect {
                 EffectKind::CoupledArmature => effect.coupled(&joints[2], &joints[1]),
                 _ => effect.terms(&joints[2], shape),
@@ -148,7 +148,7 @@ fn accelerations_are_momenta() {
     let q = |t: f64| -1.7 + 0.6 * (2.0 * t).sin();
     let dq = |t: f64| 1.2 * (2.0 * t).cos();
     let ddq = |t: f64| -2.4 * (2.0 * t).sin();
-    let term = |t: f64| (own.terms)(&[JointState::reported(q(t), dq(t), 0.0); 3], 2, 1.0)[0];
+    let term = |t: f64| (own.terms)(&[JointState::reported(q(t), dq(t), 0.0); 3], 2, [1.0; 2])[0];
     let (from, to, steps) = (0.1, 0.9, 4000);
     let h = (to - from) / f64::from(steps);
     let mid = |f: &dyn Fn(f64) -> f64| {
@@ -186,8 +186,8 @@ fn formulas_that_cannot_be_are_refused_with_their_place() {
         P::TooMany { limit: 2, .. }
     ));
     assert!(matches!(
-        place("c*exp(-((q - q0)/w)^2)").1,
-        P::TooMany { limit: 1, .. }
+        place("c*exp(-((q - q0)/w)^2)*tanh(dq/v)").1,
+        P::TooMany { limit: 2, .. }
     ));
     assert!(matches!(place("c*ddq^2").1, P::Acceleration));
     assert!(matches!(place("c*ddq*dq").1, P::Acceleration));
@@ -228,9 +228,34 @@ fn what_is_held_is_a_number() {
         .collect();
     assert_eq!(names, ["c", "q0"]);
     assert_eq!(formula.held, [("w".to_owned(), 0.2)]);
-    let at = |q: f64| (own.terms)(&[JointState::reported(q, 0.0, 0.0); 3], 2, -1.5)[0].rate;
+    let at = |q: f64| (own.terms)(&[JointState::reported(q, 0.0, 0.0); 3], 2, [-1.5, 1.0])[0].rate;
     assert!((at(-1.5) - 1.0).abs() < 1e-15);
     assert!((at(-1.3) - (-1.0f64).exp()).abs() < 1e-15);
+}
+
+/// Two in which it is not linear are shapes, of which that comes first that all values are tried of.
+#[test]
+fn a_formula_has_two_shapes() {
+    let text = "c*exp(-((q - q0)/w)^2)*sign(dq)";
+    let (own, _) = define("f", text, Kind::Free, &BTreeMap::new(), &site()).unwrap();
+    let names = own.description.parameters.iter().map(|p| p.symbol);
+    assert!(names.eq(["c", "q0", "w"]));
+    assert!(own.description.shapes().eq([1, 2]));
+    for (q, shapes) in [(-1.0, [-1.2, 0.3]), (0.4, [0.1, 0.7])] {
+        let term = (own.terms)(&[JointState::reported(q, 2.0, 0.0); 3], 2, shapes)[0];
+        let expected = (-((q - shapes[0]) / shapes[1]).powi(2)).exp();
+        assert!((term.rate - expected).abs() < 1e-15);
+    }
+    let (own, _) = define(
+        "f",
+        "c*exp(-abs(dq)/v)*sin(k*q)",
+        Kind::Free,
+        &BTreeMap::new(),
+        &site(),
+    )
+    .unwrap();
+    let names = own.description.parameters.iter().map(|p| p.symbol);
+    assert!(names.eq(["c", "k", "v"]));
 }
 
 #[test]
@@ -264,7 +289,7 @@ fn a_text_names_the_neighbours_of_the_joint_that_it_is_at() {
         "c*(q - q.j-1)"
     );
     // Where there is no such joint, nothing acts.
-    let alone = (own.terms)(&[JointState::reported(1.0, 0.0, 0.0)], 0, 1.0)[0];
+    let alone = (own.terms)(&[JointState::reported(1.0, 0.0, 0.0)], 0, [1.0; 2])[0];
     assert_eq!((alone.boundary, alone.rate), (0.0, 0.0));
 }
 
@@ -393,9 +418,12 @@ fn a_hundred_thousand_texts_are_taken_or_refused() {
                 (0, 0)
             }
             Ok((own, _)) => {
-                let shape = own.priors.last().map_or(1.0, |prior| prior.mean);
+                let mut shapes = [1.0; MAX_SHAPES];
+                for (shape, n) in shapes.iter_mut().zip(own.description.shapes()) {
+                    *shape = own.priors[n].mean;
+                }
                 for joints in &states {
-                    for term in (own.terms)(joints, 2, shape) {
+                    for term in (own.terms)(joints, 2, shapes) {
                         assert!(term.rate.is_finite() && term.boundary.is_finite(), "{text}");
                     }
                 }
@@ -502,7 +530,7 @@ fn torques_of_several_joints_come_from_one_function() {
     let energy = |joints: &[JointState<f64>]| 0.5 * (joints[2].q - 0.4 * joints[1].q - 0.3).powi(2);
     for joints in states() {
         for at in 0..3 {
-            let [own, _] = (cable.coupled.unwrap())(&joints, 2, at, 0.4);
+            let [own, _] = (cable.coupled.unwrap())(&joints, 2, at, [0.4, 1.0]);
             let moved = |by: f64| {
                 let mut joints = joints.clone();
                 joints[at].q += by;
@@ -511,8 +539,8 @@ fn torques_of_several_joints_come_from_one_function() {
             let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
             assert!((own.rate - slope).abs() < 1e-8, "{at}: {own:?} {slope}");
         }
-        let [own, _] = (cable.terms)(&joints, 2, 0.4);
-        let [same, _] = (cable.coupled.unwrap())(&joints, 2, 2, 0.4);
+        let [own, _] = (cable.terms)(&joints, 2, [0.4, 1.0]);
+        let [same, _] = (cable.coupled.unwrap())(&joints, 2, 2, [0.4, 1.0]);
         assert_eq!(own, same);
     }
     let damper = defined("dissipation(0.5*d*(dq - dq.thigh)^2)");
@@ -521,7 +549,7 @@ fn torques_of_several_joints_come_from_one_function() {
     for joints in states() {
         let speed = |j: usize| joints[j].speed;
         for (at, sign) in [(2, 1.0), (1, -1.0)] {
-            let [own, _] = (damper.coupled.unwrap())(&joints, 2, at, 1.0);
+            let [own, _] = (damper.coupled.unwrap())(&joints, 2, at, [1.0; 2]);
             let torque = sign * (speed(2) - speed(1));
             assert!((own.rate - torque).abs() < 1e-12, "{own:?} {torque}");
         }

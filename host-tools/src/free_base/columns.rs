@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, MAX_COLUMNS, Moved};
+use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, MAX_COLUMNS, Moved, Shapes};
 use proprio_core::inertia::INERTIAL;
 
 use super::legged::Legged;
 use crate::catalogue;
 use crate::equation::column::{Column, columns_of};
-use crate::equation::values::{Place, load};
+use crate::equation::values::{NO_SHAPES, Place, load};
 use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
 use crate::model::{BASE, Model};
@@ -78,8 +78,8 @@ pub(crate) fn all_places(model: &Model, robot: &Legged) -> Vec<Place> {
 pub(crate) struct EffectSite {
     /// The joint by its index in the robot; [`BASE`] for a load on the trunk.
     pub(crate) place: Place,
-    /// The nonlinear parameter that its columns are made at; one where it has none.
-    pub(crate) shape: f64,
+    /// The nonlinear parameters that its columns are made at.
+    pub(crate) shapes: Shapes,
     /// Its other parameters.
     pub(crate) linear: Vec<Linear>,
 }
@@ -96,23 +96,24 @@ pub(crate) struct Linear {
 }
 
 impl EffectSite {
-    /// At the nonlinear parameter that a model gives, or else at the one that is expected.
+    /// At the nonlinear parameters that a model gives, or else at those that are expected.
     pub(crate) fn of(
         (model, robot): (&Model, &Legged),
         place: Place,
         constraint: Constraint,
     ) -> Self {
         let description = place.0.description();
-        let shape = description.shape().map_or(1.0, |n| {
+        let mut shapes = NO_SHAPES;
+        for (shape, n) in shapes.iter_mut().zip(description.shapes()) {
             let given = model.effect(place.0, place.1).and_then(|e| e.estimates[n]);
-            given.map_or_else(|| prior((model, robot), place, n).0, |given| given.value)
-        });
+            *shape = given.map_or_else(|| prior((model, robot), place, n).0, |given| given.value);
+        }
         let mut site = Self {
             place,
-            shape,
+            shapes,
             linear: Vec::new(),
         };
-        site.linear = columns_of(place, shape)
+        site.linear = columns_of(place, shapes)
             .into_iter()
             .map(|(parameter, column)| {
                 let described = &description.parameters[parameter];
@@ -145,48 +146,61 @@ impl EffectSite {
         matches!(form, Form::Columns | Form::Coupled | Form::Clock)
     }
 
-    /// The same with another nonlinear parameter.
-    pub(crate) fn with_shape(mut self, shape: f64) -> Self {
-        self.shape = shape;
-        let columns = columns_of(self.place, shape);
+    /// The same with other nonlinear parameters.
+    pub(crate) fn with_shapes(mut self, shapes: Shapes) -> Self {
+        self.shapes = shapes;
+        let columns = columns_of(self.place, shapes);
         for (own, (_, column)) in self.linear.iter_mut().zip(columns) {
             own.column = column;
         }
         self
     }
 
-    /// Gives it a column of the derivative in its nonlinear parameter where the others have these `values`; none where it has none or is found by the
+    /// Gives it a column of the derivative in each nonlinear parameter where the others have these `values`; none where it has none or is found by the
     /// motion before.
-    pub(super) fn add_derivative(&mut self, (model, robot): (&Model, &Legged), values: &[f64]) {
+    pub(super) fn add_derivatives(&mut self, (model, robot): (&Model, &Legged), values: &[f64]) {
         let (effect, joint) = self.place;
         let description = effect.description();
-        let Some((parameter, _)) = description.searched() else {
-            return;
-        };
         if description.form != Form::Columns || description.input == Input::Bristles {
             return;
         }
-        let described = &description.parameters[parameter];
-        let step = STEP * self.shape.abs().max(LEAST_SIZE);
         let mut own = [0.0; MAX_COLUMNS];
         own.iter_mut().zip(values).for_each(|(own, x)| *own = *x);
-        let (mean, std) = prior((model, robot), self.place, parameter);
-        self.linear.push(Linear {
-            parameter,
-            neutral: self.shape,
-            column: Column::Shape {
-                joint,
-                effect,
-                around: [self.shape - step, self.shape + step],
-                values: own,
-            },
-            prior: Bounded {
-                mean: mean - self.shape,
-                std,
-                lower: described.lower - self.shape,
-                upper: described.upper - self.shape,
-            },
-        });
+        for (at, parameter) in description.shapes().enumerate() {
+            let (described, shape) = (&description.parameters[parameter], self.shapes[at]);
+            let step = STEP * shape.abs().max(LEAST_SIZE);
+            let around = [-step, step].map(|by| {
+                let mut shapes = self.shapes;
+                shapes[at] += by;
+                shapes
+            });
+            let (mean, std) = prior((model, robot), self.place, parameter);
+            self.linear.push(Linear {
+                parameter,
+                neutral: shape,
+                column: Column::Shape {
+                    joint,
+                    effect,
+                    around,
+                    apart: 2.0 * step,
+                    values: own,
+                },
+                prior: Bounded {
+                    mean: mean - shape,
+                    std,
+                    lower: described.lower - shape,
+                    upper: described.upper - shape,
+                },
+            });
+        }
+    }
+
+    /// The value of a nonlinear parameter, as the catalogue counts; one of another.
+    pub(crate) fn shape(&self, parameter: usize) -> f64 {
+        let mut shapes = self.place.0.description().shapes().zip(self.shapes);
+        shapes
+            .find(|(n, _)| *n == parameter)
+            .map_or(1.0, |(_, shape)| shape)
     }
 
     /// As something that a model might lack: as likely on either side of nothing.

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{Input, JointState, MAX_COLUMNS, Shapes, Term};
 
 use super::channels::Channels;
 use super::columns::{EffectSite, WalkColumns};
@@ -149,10 +149,10 @@ impl<'a> Projection<'a> {
     }
 
     /// The window terms of an effect's columns at each of them; without bristles.
-    pub(crate) fn terms(&self, place: Place, shape: f64) -> Vec<[Term<f64>; MAX_COLUMNS]> {
+    pub(crate) fn terms(&self, place: Place, shapes: Shapes) -> Vec<[Term<f64>; MAX_COLUMNS]> {
         let samples = self.span.samples.iter();
         samples
-            .map(|&n| self.states.terms(n, place, shape, usize::MAX))
+            .map(|&n| self.states.terms(n, place, shapes, usize::MAX))
             .collect()
     }
 
@@ -187,7 +187,8 @@ impl<'a> JointStates<'a> {
         let asks =
             |n: usize, input| wanted(n) && columns.sites[n].place.0.description().input == input;
         let bristles = |(n, site): (usize, &EffectSite)| {
-            asks(n, Input::Bristles).then(|| bristles(walk, site.place.1, &[site.shape]).remove(0))
+            asks(n, Input::Bristles)
+                .then(|| bristles(walk, site.place.1, &[site.shapes[0]]).remove(0))
         };
         Self {
             bristles: columns.sites.iter().enumerate().map(bristles).collect(),
@@ -209,21 +210,22 @@ impl<'a> JointStates<'a> {
             Column::Own {
                 joint,
                 effect,
-                shape,
+                shapes,
                 n,
-            } => tell(joint, &|k| self.terms(k, (effect, joint), shape, site)[n]),
+            } => tell(joint, &|k| self.terms(k, (effect, joint), shapes, site)[n]),
             Column::Shape {
                 joint,
                 effect,
-                around: [below, above],
+                around,
+                apart,
                 values,
             } => tell(joint, &|k| {
                 let [less, more] =
-                    [below, above].map(|shape| self.terms(k, (effect, joint), shape, site));
+                    around.map(|shapes| self.terms(k, (effect, joint), shapes, site));
                 let slope = |of: &dyn Fn(&Term<f64>) -> f64| {
                     let columns = values.iter().zip(less.iter().zip(&more));
                     let change = columns.map(|(x, (less, more))| x * (of(more) - of(less)));
-                    change.sum::<f64>() / (above - below)
+                    change.sum::<f64>() / apart
                 };
                 Term {
                     boundary: slope(&|term| term.boundary),
@@ -233,7 +235,7 @@ impl<'a> JointStates<'a> {
             Column::Coupled {
                 joint,
                 effect,
-                shape,
+                shapes,
                 n,
             } => {
                 let (all, parent) = (self.walk.q.width(), self.parents[joint]);
@@ -246,7 +248,7 @@ impl<'a> JointStates<'a> {
                             return effect.coupled(&state(k, at), &state(k, other))[n];
                         }
                         let states: Vec<_> = (0..all).map(|j| state(k, j)).collect();
-                        let terms = coupled_terms(effect, ([joint, at], parent), &states, shape);
+                        let terms = coupled_terms(effect, ([joint, at], parent), &states, shapes);
                         terms.map_or_else(Term::zero, |terms| terms[n])
                     });
                 }
@@ -265,16 +267,16 @@ impl<'a> JointStates<'a> {
         &self,
         n: usize,
         (effect, joint): Place,
-        shape: f64,
+        shapes: Shapes,
         site: usize,
     ) -> [Term<f64>; MAX_COLUMNS] {
         if effect.others().is_empty() {
-            return effect.terms(&self.joint(n, joint, site), shape);
+            return effect.terms_among(&[self.joint(n, joint, site)], 0, shapes);
         }
         // Its others are counted from its own joint, so that all joints stand for the limb's.
         let joints = 0..self.walk.q.width();
         let joints: Vec<_> = joints.map(|j| self.joint(n, j, site)).collect();
-        effect.terms_among(&joints, joint, shape)
+        effect.terms_among(&joints, joint, shapes)
     }
 
     /// Of joint j at sample n, as an effect sees it by its number among those of the columns.

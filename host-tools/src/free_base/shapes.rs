@@ -2,7 +2,7 @@
 //! [`crate::estimate::shapes`] of a limb. At the best of them the derivative of the torque in it is one more column, which tells its standard deviation.
 
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
-use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS, Shapes, Term};
 
 use super::columns::EffectSite;
 use super::data::{Data, LeftOfWindow};
@@ -12,7 +12,8 @@ use super::projection::{Projection, bristles};
 use super::structure::ModelStructure;
 use super::walk::Walk;
 use super::walks::Walks;
-use crate::estimate::grid::{MotionRange, least_displacement, possible, shape_parameter, values};
+use crate::equation::values::NO_SHAPES;
+use crate::estimate::grid::{MotionRange, least_displacement, pairs, possible, values};
 use crate::model::Model;
 use crate::parallel::side_by_side;
 
@@ -46,24 +47,27 @@ pub(crate) fn better(walks: &Walks, data: &Data, fit: &Fit) -> Option<Vec<Effect
         stride: (left.iter().map(Vec::len).sum::<usize>() / MOST_WINDOWS).max(1),
         left,
     };
-    let shaped = (0..sites.len()).filter(|n| sites[*n].place.0.description().shape().is_some());
-    let grids: Vec<(usize, Vec<f64>)> = shaped.map(|n| (n, scan.grid(&sites[n]))).collect();
-    let coarse = scan.explained(&grids);
-    let fine: Vec<(usize, Vec<f64>)> = (grids.iter().zip(&coarse))
-        .map(|((n, grid), falls)| (*n, between(grid, falls, &sites[*n])))
+    let shaped = (0..sites.len()).filter(|n| sites[*n].place.0.description().has_shape());
+    let grids: Vec<(usize, Vec<Vec<f64>>)> = shaped.map(|n| (n, scan.grids(&sites[n]))).collect();
+    let all = grids.iter().map(|(n, grids)| (*n, pairs(grids)));
+    let all: Vec<(usize, Vec<Shapes>)> = all.collect();
+    let coarse = scan.explained(&all);
+    let fine: Vec<(usize, Vec<Shapes>)> = (all.iter().zip(&grids).zip(&coarse))
+        .map(|(((n, all), (_, grids)), falls)| (*n, between((all, grids), falls, &sites[*n])))
         .collect();
     let finer = scan.explained(&fine);
     let (mut better, mut moved) = (sites.clone(), false);
     for (((n, grid), falls), ((_, near), finer)) in
-        grids.iter().zip(&coarse).zip(fine.iter().zip(&finer))
+        all.iter().zip(&coarse).zip(fine.iter().zip(&finer))
     {
         let all = grid.iter().zip(falls).chain(near.iter().zip(finer));
-        let Some((shape, fall)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else {
+        let Some((best, fall)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else {
             continue;
         };
-        let is_other = (shape - sites[*n].shape).abs() > SAME * sites[*n].shape.abs();
+        let mut both = best.iter().zip(sites[*n].shapes);
+        let is_other = both.any(|(best, now)| (best - now).abs() > SAME * now.abs());
         if is_other && *fall >= LEAST_FALL {
-            better[*n] = sites[*n].clone().with_shape(*shape);
+            better[*n] = sites[*n].clone().with_shapes(*best);
             moved = true;
         }
     }
@@ -105,7 +109,7 @@ pub(crate) fn is_shaped(structure: &ModelStructure) -> bool {
     effects.any(|site| site.place.0.description().searched().is_some())
 }
 
-/// The same with a column of the derivative of each effect's torque in its nonlinear parameter, at a fit: its standard deviation comes from the same
+/// The same with a column of the derivative of each effect's torque in each nonlinear parameter, at a fit: its standard deviation comes from the same
 /// equations as all others.
 ///
 /// # Errors
@@ -122,7 +126,7 @@ pub(crate) fn with_derivatives(
         let own = columns.effects().filter(|(_, own, _)| *own == n);
         let own: Vec<f64> = own.map(|(k, ..)| fit.theta()[k]).collect();
         if structure.has(site.place) && own.iter().any(|value| *value != 0.0) {
-            site.add_derivative((model, &walks.robot), &own);
+            site.add_derivatives((model, &walks.robot), &own);
         }
     }
     for own in &mut structure.effects {
@@ -137,21 +141,33 @@ pub(crate) fn with_derivatives(
     Ok((data.with_sites(walks, sites)?, structure))
 }
 
-/// Shapes about the best of a grid, and the present one.
-fn between(grid: &[f64], falls: &[f64], site: &EffectSite) -> Vec<f64> {
-    let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
-    let best = best.unwrap_or(0);
-    let near = |share: f64| {
-        let other = if share < 0.0 {
-            best.checked_sub(1)
-        } else {
-            Some(best + 1)
-        };
-        let other = *grid.get(other?)?;
-        Some(grid[best] + share.abs() * (other - grid[best]))
-    };
-    let near = BETWEEN.into_iter().filter_map(near).chain([site.shape]);
-    near.map(|shape| possible(site.place.0, shape)).collect()
+/// Shapes about the best of all that were tried, each between its neighbours in its grid, and the present ones.
+fn between(
+    (all, grids): (&[Shapes], &[Vec<f64>]),
+    falls: &[f64],
+    site: &EffectSite,
+) -> Vec<Shapes> {
+    let best = (0..all.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
+    let best = best.map_or(site.shapes, |best| all[best]);
+    let mut near = Vec::new();
+    for (at, (n, _)) in site.place.0.description().all_searched().enumerate() {
+        let grid = &grids[at];
+        let own = grid.iter().rposition(|value| *value == best[at]);
+        for share in BETWEEN {
+            let other = own.and_then(|own| match share < 0.0 {
+                true => own.checked_sub(1),
+                false => Some(own + 1),
+            });
+            if let Some(other) = other.and_then(|other| grid.get(other)) {
+                let mut shapes = best;
+                let between = best[at] + share.abs() * (other - best[at]);
+                shapes[at] = possible((site.place.0, n), between);
+                near.push(shapes);
+            }
+        }
+    }
+    near.push(site.shapes);
+    near
 }
 
 /// What a joint does in walks; no displacement of its friction is below the `least`, rad.
@@ -186,19 +202,21 @@ struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// The shapes of an effect to try.
-    fn grid(&self, site: &EffectSite) -> Vec<f64> {
+    /// The values to try of each shape of an effect.
+    fn grids(&self, site: &EffectSite) -> Vec<Vec<f64>> {
         let (effect, joint) = site.place;
-        let lower = effect.description().parameters[shape_parameter(effect)].lower;
-        let range = range(self.walks, joint, lower);
-        let searched = effect.description().searched();
-        let all = searched.and_then(|(_, grid)| values(grid, &range));
-        let all = all.into_iter().flatten();
-        all.map(|shape| possible(effect, shape)).collect()
+        let of = |(n, grid): (usize, Grid)| {
+            let lower = effect.description().parameters[n].lower;
+            let all = values(grid, &range(self.walks, joint, lower))
+                .into_iter()
+                .flatten();
+            all.map(|shape| possible((effect, n), shape)).collect()
+        };
+        effect.description().all_searched().map(of).collect()
     }
 
     /// Of each effect and each of its shapes the share of what is left of its joint that it explains.
-    fn explained(&self, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<f64>> {
+    fn explained(&self, tried: &[(usize, Vec<Shapes>)]) -> Vec<Vec<f64>> {
         let mut sums: Vec<Vec<Sums>> = (tried.iter())
             .map(|(_, grid)| vec![Sums::default(); grid.len()])
             .collect();
@@ -221,13 +239,16 @@ impl Scan<'_> {
     }
 
     /// The sums over a log's windows, in pieces.
-    fn of_log(&self, log: usize, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<Vec<Sums>>> {
+    fn of_log(&self, log: usize, tried: &[(usize, Vec<Shapes>)]) -> Vec<Vec<Vec<Sums>>> {
         let sites = &self.data.columns().sites;
         let walk = &self.data.corrected(&self.walks.walks[log].0);
         let impulses = side_by_side(tried, |(n, grid)| {
             let (effect, joint) = sites[*n].place;
             match effect.description().input {
-                Input::Bristles => bristles(walk, joint, grid),
+                Input::Bristles => {
+                    let displacements: Vec<f64> = grid.iter().map(|shapes| shapes[0]).collect();
+                    bristles(walk, joint, &displacements)
+                }
                 _ => Vec::new(),
             }
         });
@@ -263,7 +284,7 @@ impl Scan<'_> {
     fn add_window(
         &self,
         sums: &mut [Vec<Sums>],
-        tried: &[(usize, Vec<f64>)],
+        tried: &[(usize, Vec<Shapes>)],
         impulses: &[Vec<Vec<f64>>],
         (left, projection): (&LeftOfWindow, &Projection<'_>),
     ) {
@@ -276,14 +297,14 @@ impl Scan<'_> {
             let basis = basis[joint].get_or_insert_with(|| {
                 BASIS.map(|effect| {
                     let mut column = zeros();
-                    let terms = projection.terms((effect, joint), 1.0);
+                    let terms = projection.terms((effect, joint), NO_SHAPES);
                     projection.add(joint, |k| terms[k][0], &mut column);
                     column
                 })
             });
             let residual = self.residual(left, projection, *n);
             let count = sites[*n].linear.len();
-            for (s, shape) in grid.iter().enumerate() {
+            for (s, shapes) in grid.iter().enumerate() {
                 let terms: Vec<[Term<f64>; MAX_COLUMNS]> = match impulses[t].get(s) {
                     Some(impulse) => {
                         let of = |n: &usize| Term {
@@ -293,7 +314,7 @@ impl Scan<'_> {
                         let samples = projection.samples().iter();
                         samples.map(|n| [of(n); MAX_COLUMNS]).collect()
                     }
-                    None => projection.terms((effect, joint), *shape),
+                    None => projection.terms((effect, joint), *shapes),
                 };
                 for (m, column) in columns.iter_mut().enumerate().take(count) {
                     column.fill(0.0);

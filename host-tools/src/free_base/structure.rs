@@ -171,7 +171,7 @@ impl ModelStructure {
     pub(crate) fn with_shapes(mut self, sites: &[EffectSite]) -> Self {
         for own in &mut self.effects {
             if let Some(site) = sites.iter().find(|site| site.place == own.place) {
-                *own = own.clone().with_shape(site.shape);
+                *own = own.clone().with_shapes(site.shapes);
             }
         }
         self

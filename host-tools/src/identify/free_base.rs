@@ -324,7 +324,7 @@ fn set_effect(
         let found = find(found, &parameter::of_effect(effect, n, of));
         let (value, std) = match found {
             Some(own) => (own.value, Some(own.std)),
-            None if effect.description().shape() == Some(n) => (site.shape, None),
+            None if effect.description().parameters[n].shape => (site.shape(n), None),
             None => continue,
         };
         model.set_parameter(effect, joint, n, value, std)?;

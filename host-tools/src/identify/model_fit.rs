@@ -227,11 +227,11 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
 /// The shapes that were scanned.
 fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
     let shaped = fit.values.places().filter(|place| !is_shared(place.1));
-    let of = |place: Place| {
-        let n = place.0.description().shape()?;
+    let numbers = |place: Place| place.0.description().shapes().map(move |n| (place, n));
+    let of = |(place, n): (Place, usize)| {
         let (mean, prior) = fit.data.prior(place, n);
         let body = fit.data.body_of(place.1);
-        let std = fit.known_shape(place);
+        let std = fit.known_shape(place, n);
         let mut shape = FittedParameter::of_effect(
             fit.data.model,
             (place.0, body, n),
@@ -239,9 +239,9 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
             Prior { mean, std: prior },
         );
         shape.place = Where::Shape(place.0, body, n);
-        Some(shape)
+        shape
     };
-    shaped.filter_map(of).collect()
+    shaped.flat_map(numbers).map(of).collect()
 }
 
 /// What positions tell and no column: velocity gains, and gears with an encoder on either side.

@@ -33,7 +33,7 @@ pub(super) fn torque(data: &LimbData, values: &Values, effects: &[Vec<Contributi
             .collect();
         // A limit that nothing was beyond has no contribution.
         let limits = (effects.iter()).filter(|own| own.effect.description().is_limit());
-        let limit = limits.fold(f64::INFINITY, |least, own| least.min(own.shape));
+        let limit = limits.fold(f64::INFINITY, |least, own| least.min(own.shapes[0]));
         for stretch in &motion.stretches {
             let (mut given, mut last) = (None, 0.0);
             for k in stretch.clone() {

@@ -139,7 +139,7 @@ impl<'a> Law<'a> {
                 velocity_gain: data.velocity_gain[j],
                 gain: values.torque_gain(j),
                 limit: limits.fold(effort.unwrap_or(f64::INFINITY), |least, own| {
-                    least.min(own.shape)
+                    least.min(own.shapes[0])
                 }),
             }
         };

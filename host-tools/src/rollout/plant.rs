@@ -86,7 +86,7 @@ impl Plant {
         let displacement = |own: &Vec<Contribution>| {
             let mut bristles = own.iter();
             let bent = |e: &&Contribution| e.effect.description().input == Input::Bristles;
-            bristles.find(bent).map(|e| e.shape)
+            bristles.find(bent).map(|e| e.shapes[0])
         };
         Self {
             displacements: effects.iter().map(displacement).collect(),

@@ -106,7 +106,7 @@ impl<'a> Context<'_, 'a> {
             after = self.with_all_sought(candidate, &|_| true)?;
         }
         if let [(limb, place)] = members[..]
-            && place.0.description().shape().is_some()
+            && place.0.description().has_shape()
             && is_better(&self.held_out(&after), &before)
         {
             // A nonlinear parameter that all data have chosen is no surprise to the fold that is held out.

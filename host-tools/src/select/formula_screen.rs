@@ -56,8 +56,8 @@ pub(crate) struct Pick {
     /// Its torque, and a name of its letters.
     pub(crate) text: String,
     pub(crate) name: String,
-    /// Its parameter in which it is not linear.
-    pub(crate) shape: Option<f64>,
+    /// Its parameters in which it is not linear.
+    pub(crate) shapes: Vec<f64>,
     /// Its coefficients.
     pub(crate) values: Vec<f64>,
     /// Where it begins or ends at its parameter.
@@ -206,7 +206,8 @@ pub(crate) fn pick_of(
     };
     let mut rivals: Vec<&Tried> = Vec::new();
     for own in tried.iter().filter(as_good) {
-        match rivals.iter_mut().find(|known| known.term == own.term) {
+        let text = |tried: &Tried| all[tried.term].text();
+        match (rivals.iter_mut()).find(|known| text(known) == text(own)) {
             Some(known) if known.fall < own.fall => *known = own,
             Some(_) => {}
             None => rivals.push(own),
@@ -224,7 +225,7 @@ pub(crate) fn pick_of(
     Some(Pick {
         text: term.text(),
         name: term.name(),
-        shape,
+        shapes: shape.into_iter().chain(term.width()).collect(),
         values: residual.coefficients(term, shape, &factors)?,
         border: term.border,
         share: chosen.fall / residual.square,

@@ -211,7 +211,7 @@ fn with<'a>(
     let places = model.places_with(&new);
     let mut after =
         model.with_worthwhile(data, &places, &start, &how_with(&[*place]), &|_| true)?;
-    if place.0.description().shape().is_some() {
+    if place.0.description().has_shape() {
         // A nonlinear parameter that all data have chosen is no surprise to the fold that is held out.
         let (before, fit) = (&model.fits[*limb], &after.fits[*limb]);
         after.squares[*limb] = held_out_with_shape(before, fit, *place)?;

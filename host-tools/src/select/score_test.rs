@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Reach};
+use proprio_core::effect::{EffectKind, Reach, Shapes};
 
 use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
@@ -173,7 +173,7 @@ impl<'a> Screen<'a> {
         for told in &trial.findings {
             let (place, described) = (told.place, told.place.0.description());
             values.insert(place);
-            if let Some(n) = described.shape() {
+            for n in described.shapes() {
                 values.set(place, n, shapes.get(place, n));
             }
             for (n, p) in described.parameters.iter().enumerate() {
@@ -229,10 +229,10 @@ impl ScoreTest for Screen<'_> {
                 place,
                 parameters: parameters.clone().map(|n| told(place, n)).collect(),
                 prior: parameters.map(|n| data.prior(place, n)).collect(),
-                nonlinear: self.at.shape(place),
+                nonlinear: self.at.shapes(place)[0],
                 period: data.recording.period(),
                 beyond_limit: (place.0.description().is_limit())
-                    .then(|| self.shown_beyond(place.1, self.at.shape(place))),
+                    .then(|| self.shown_beyond(place.1, self.at.shapes(place)[0])),
             }
         };
         trial.places.iter().map(of).collect()
@@ -300,18 +300,18 @@ fn moves(data: &LimbData, joint: usize) -> bool {
     presence::moves(states.iter().map(|state| state[1]), limit)
 }
 
-/// The fit's values, and for candidates that have a shape the one that is `found` on what the fit leaves.
+/// The fit's values, and for candidates that have shapes those that are `found` on what the fit leaves.
 fn with_shapes(
     fit: &LimbFit,
     possible: &[Place],
     predicted: &[f64],
-    found: &(dyn Fn(&Scan, Place) -> Option<f64> + Sync),
+    found: &(dyn Fn(&Scan, Place) -> Option<Shapes> + Sync),
 ) -> Values {
     let data = fit.data;
     let shaped: Vec<Place> = possible
         .iter()
         .copied()
-        .filter(|place| place.0.description().shape().is_some())
+        .filter(|place| place.0.description().has_shape())
         .collect();
     let mut at = fit.values.clone();
     if shaped.is_empty() {
@@ -322,12 +322,11 @@ fn with_shapes(
     let scan = Scan::new(data, &columns, [&fit.values; 2], &|w, j| {
         data.torque[w * n + j] - predicted[w * n + j]
     });
-    let best: Vec<Option<f64>> = side_by_side(&shaped, |&place| found(&scan, place));
+    let best: Vec<Option<Shapes>> = side_by_side(&shaped, |&place| found(&scan, place));
     for (&place, best) in shaped.iter().zip(best) {
-        let shape = place.0.description().shape();
-        if let (Some(best), Some(n)) = (best, shape) {
+        if let Some(best) = best {
             at.insert(place);
-            at.set(place, n, best);
+            at.set_searched(place, best);
         }
     }
     at

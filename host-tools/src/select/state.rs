@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
-use proprio_core::effect::{Enters, Transmission};
+use proprio_core::effect::{Enters, Shapes, Transmission};
 
 use super::candidate::{Candidate, Member};
 use super::criteria::feasible::{is_likely, is_resolved_spring};
@@ -10,7 +10,7 @@ use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{FarBodies, How, LimbFit};
-use crate::estimate::grid::{shape_parameter, size_of};
+use crate::estimate::grid::size_of;
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
 use crate::estimate::robot::{self, Shared};
@@ -169,8 +169,8 @@ impl<'a> State<'a> {
     /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.
     pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
         let fit = &self.fits[limb];
-        place.0.description().without_shape.is_none()
-            || fit.values.shape(place) >= LEAST_VALUE * fit.known_shape(place)
+        let tells = |n| fit.values.get(place, n) >= LEAST_VALUE * fit.known_shape(place, n);
+        place.0.description().without_shape.is_none() || place.0.description().shapes().all(tells)
     }
 }
 
@@ -233,7 +233,7 @@ impl<'a> Fitted for State<'a> {
                 .find(|e| fit.columns.entries[**e].parameter == n);
             let Some(&entry) = own else {
                 let place = (effect, joint);
-                return (fit.values.get(place, n), fit.known_shape(place));
+                return (fit.values.get(place, n), fit.known_shape(place, n));
             };
             (fit.value(entry), fit.std(entry))
         };
@@ -316,7 +316,7 @@ fn held_out_squares(fit: &LimbFit) -> Option<Squares> {
     Some(fit.data.squares(&fit.predicted_held_out()?))
 }
 
-/// The same with the shape of an effect searched within the folds as well, on what the model `before` it leaves.
+/// The same with the shapes of an effect searched within the folds as well, on what the model `before` it leaves.
 pub(super) fn held_out_with_shape(
     before: &LimbFit,
     after: &LimbFit,
@@ -329,18 +329,21 @@ pub(super) fn held_out_with_shape(
     let scan = Scan::new(data, &columns, [&before.values; 2], &|w, j| {
         data.torque[w * n + j] - predicted[w * n + j]
     });
-    let shape = shape_parameter(place.0);
     let held_out = after.held_out()?;
     let of = |fold: usize| -> Option<Values> {
-        let before = after.values.get(place, shape);
+        let before = after.values.shapes(place);
         let best = scan.best_beside(place, before, &|f| f != fold);
-        let same = SAME_SHAPE * size_of(data, place, before);
-        let is_other = |best: &f64| (best - before).abs() > same;
+        let is_other = |best: &Shapes| {
+            let mut all = place.0.description().shapes().zip(best.iter().zip(before));
+            all.any(|(n, (best, before))| {
+                (best - before).abs() > SAME_SHAPE * size_of(data, (place, n), before)
+            })
+        };
         let Some(best) = best.filter(is_other) else {
             return Some(held_out[fold].clone());
         };
         let mut start = after.values.clone();
-        start.set(place, shape, best);
+        start.set_searched(place, best);
         let train = data.without_fold(fold);
         let places: Vec<Place> = start.places().collect();
         let held = places.iter().copied().filter(|p| !after.places.contains(p));

@@ -47,7 +47,7 @@ pub(super) fn find_formulas(
         if pick.share < STRUCTURE || now.has(&member) {
             return None;
         }
-        let after = now.with_formula((walks, model), member.1, pick.shape)?;
+        let after = now.with_formula((walks, model), member.1, &pick.shapes)?;
         let [told, before] = [&after, now].map(|of| of.held_out(now));
         let stands = is_worth_a_step(&told, &before) && is_held(after.size(&member));
         stands.then_some((member, pick, after))

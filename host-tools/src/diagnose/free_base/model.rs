@@ -7,7 +7,7 @@ use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 
 use super::{centre, is_load};
-use crate::equation::values::Place;
+use crate::equation::values::{NO_SHAPES, Place};
 use crate::estimate::Constraint;
 use crate::free_base::Walks;
 use crate::free_base::columns::{EffectSite, body_of};
@@ -74,18 +74,19 @@ impl WalkModel {
         self.refitted(Arc::new(data), structure)
     }
 
-    /// The same with a formula that neither it nor the rows have, its nonlinear parameter near this one; none if numbers overflow.
+    /// The same with a formula that neither it nor the rows have, its nonlinear parameters near these; none if numbers overflow.
     pub(super) fn with_formula(
         &self,
         (walks, model): (&Walks, &Model),
         place: Place,
-        shape: Option<f64>,
+        shapes: &[f64],
     ) -> Option<Self> {
         let site = EffectSite::of((model, &walks.robot), place, Constraint::Physical);
-        let site = match shape {
-            Some(shape) => site.with_shape(shape),
-            None => site,
-        };
+        let mut near = site.shapes;
+        near.iter_mut()
+            .zip(shapes)
+            .for_each(|(own, near)| *own = *near);
+        let site = site.with_shapes(near);
         let mut sites = self.data.columns().sites.clone();
         sites.retain(|own| own.place != place);
         sites.push(site.clone());
@@ -103,8 +104,8 @@ impl WalkModel {
                 _ => {
                     let robot = structure.robot.clone();
                     let site = EffectSite::of((model, &robot), place, Constraint::Physical);
-                    let shape = self.data.columns().site(place).map(|site| site.shape);
-                    structure.with_effect(site.with_shape(shape.unwrap_or(1.0)))
+                    let shapes = self.data.columns().site(place).map(|site| site.shapes);
+                    structure.with_effect(site.with_shapes(shapes.unwrap_or(NO_SHAPES)))
                 }
             };
         }
@@ -273,7 +274,7 @@ impl Fitted for WalkModel {
             match own {
                 Some((k, _, linear)) => (self.fit.theta()[k] + linear.neutral, self.std(k)),
                 // A scan finds a shape and not how surely.
-                None => (columns.site(place).map_or(1.0, |site| site.shape), 0.0),
+                None => (columns.site(place).map_or(1.0, |site| site.shape(n)), 0.0),
             }
         };
         (0..effect.description().parameters.len())

@@ -133,7 +133,7 @@ impl<'a> WalkScreen<'a> {
             prior: parameters
                 .map(|n| prior((self.model, &columns.robot), place, n))
                 .collect(),
-            nonlinear: columns.site(place).map_or(0.0, |site| site.shape),
+            nonlinear: columns.site(place).map_or(0.0, |site| site.shapes[0]),
             period: self.period,
             beyond_limit: None,
         }

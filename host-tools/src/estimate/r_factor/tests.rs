@@ -7,6 +7,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::*;
 use crate::equation::column::{Entry, columns_of};
+use crate::equation::values::NO_SHAPES;
 
 /// A limb of one joint with some effects, its rows as a matrix and folded, and a prior.
 struct Problem {
@@ -36,7 +37,7 @@ fn problem(seed: u64) -> Problem {
             std: 0.7,
             column,
         };
-        columns_of((effect, 0), 1.0).into_iter().map(of)
+        columns_of((effect, 0), NO_SHAPES).into_iter().map(of)
     });
     let columns = Columns::new(vec![1], entries.collect());
     let width = columns.of_joint[0].len() + 1;

@@ -132,15 +132,15 @@ pub(in crate::excite) fn stated(model: &Model, limb: &model::Limb) -> Vec<Known>
             .into_iter()
             .filter(|own| is_known(own.effect))
         {
-            let shape = own.effect.description().shape();
-            let at = shape
+            let described = own.effect.description();
+            let at = (described.shapes().next())
                 .and_then(|n| own.estimates[n])
                 .map_or(1.0, |estimate| estimate.value);
             let values = own
                 .estimates
                 .iter()
                 .enumerate()
-                .filter(|(n, _)| Some(*n) != shape);
+                .filter(|(n, _)| !described.parameters[*n].shape);
             for (part, (_, estimate)) in values.take(own.effect.columns().max(1)).enumerate() {
                 if let Some(estimate) = estimate {
                     stated.push((column(own.effect, j, part, at), estimate.value));

@@ -89,7 +89,7 @@ impl Design<'_> {
         if effect.description().form == Form::Inertia {
             return payload(j, theta, prior.std);
         }
-        let shape = effect.description().shape();
+        let shape = effect.description().shapes().next();
         let usual = shape.map_or(1.0, |n| {
             self.model.robot().parameter_prior(effect, joint, n).mean
         });
