@@ -26,8 +26,8 @@ struct Shown {
 const GALLERY: [Shown; 10] = [
     Shown {
         name: "counterbalance",
-        formula: "FR_thigh: a*sin(q) + b*cos(q)",
-        numbers: &[("a", -6.0), ("b", 2.0)],
+        formula: "FR_thigh: c*sin(q - q0)/sqrt(w - cos(q - q0))",
+        numbers: &[("c", -4.0), ("q0", 0.6), ("w", 1.2)],
         over: ("q", "rad", [-0.5, 3.0]),
         curves: &[("dq", 0.0)],
     },
@@ -82,8 +82,8 @@ const GALLERY: [Shown; 10] = [
     },
     Shown {
         name: "detent",
-        formula: "FR_thigh: c*(q - q0)*exp(-((q - q0)/0.12)^2)",
-        numbers: &[("c", 12.0), ("q0", 0.8)],
+        formula: "FR_thigh: c*(q - q0)*exp(-((q - q0)/w)^2)",
+        numbers: &[("c", 12.0), ("q0", 0.8), ("w", 0.12)],
         over: ("q", "rad", [0.2, 1.4]),
         curves: &[("dq", 0.0)],
     },

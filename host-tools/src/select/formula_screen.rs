@@ -42,6 +42,8 @@ const ROUNDS: usize = 8;
 const NARROWER: f64 = 0.6;
 /// The first step of a width's refinement, a factor: half way, in its logarithm, to the next of the grammar's.
 const WIDER: f64 = 1.19;
+/// Terms that are refined before they are held against each other.
+const MOST_REFINED: usize = 12;
 /// Rivals that are told.
 const MOST_RIVALS: usize = 4;
 /// One that explains less than this share of what the best does is no rival: where that much is within the error, chance explains the best.
@@ -90,6 +92,15 @@ impl Tried {
             along,
         }
     }
+}
+
+/// A term with the values of its parameters, between those of its grids, with which it explains most.
+struct Refined {
+    term: Term,
+    shape: Option<f64>,
+    /// How much of the square it explains, and with the best of its grids.
+    fall: f64,
+    of_grid: f64,
 }
 
 /// A window of a limb, as a screen looks at it.
@@ -180,57 +191,69 @@ pub(crate) fn pick_of(
     if most.fall < least * residual.square {
         return None;
     }
-    // A number more explains something of any noise: each is worth as much of it as its description is long (Rissanen 1978, Automatica 14:465).
-    let noise = residual.noise(&all[most.term], most.shape, &factors)?;
-    let price = noise * (residual.left.len() as f64).ln();
-    let worth = |tried: &Tried| tried.fall - price * all[tried.term].numbers() as f64;
-    let best = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
-    // Terms that do as well as the best, within the error of the difference.
-    let gains = |tried: &Tried| residual.gains(&all[tried.term], tried.shape, &factors);
-    let of_best = gains(best)?;
-    let as_good = |tried: &&Tried| {
-        if tried.fall < LEAST_OF_RIVAL * best.fall {
-            return false;
+    // A grid may pass by the best of a narrow term: those that explain much are held against each other where each explains most.
+    let mut each: Vec<&Tried> = Vec::new();
+    let text = |tried: &Tried| all[tried.term].text();
+    for own in tried
+        .iter()
+        .filter(|own| own.fall >= LEAST_OF_RIVAL * most.fall)
+    {
+        match each.iter_mut().find(|known| text(known) == text(own)) {
+            Some(known) if known.fall < own.fall => *known = own,
+            Some(_) => {}
+            None => each.push(own),
         }
-        let Some(own) = gains(tried) else {
+    }
+    each.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+    each.truncate(MOST_REFINED);
+    let refined: Vec<Refined> = side_by_side(&each, |own| {
+        residual.refined(&all[own.term], own, &factors, range)
+    });
+    let most = refined.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
+    // A number more explains something of any noise: each is worth as much of it as its description is long (Rissanen 1978, Automatica 14:465).
+    let noise = residual.noise(most, &factors)?;
+    let price = noise * (residual.left.len() as f64).ln();
+    let worth = |own: &Refined| own.fall - price * own.term.numbers() as f64;
+    let best = refined
+        .iter()
+        .max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+    // Terms that do as well as the best, within the error of the difference.
+    let of_best = residual.gains(best, &factors)?;
+    let as_good = |own: &&Refined| {
+        let Some(gains) = residual.gains(own, &factors) else {
             return false;
         };
         let gains: Vec<f64> = of_best
             .iter()
-            .zip(own)
+            .zip(gains)
             .map(|(best, own)| best - own)
             .collect();
         let (less, error) = sum_and_error(&gains);
-        let more = all[tried.term].numbers() as f64 - all[best.term].numbers() as f64;
-        less + price * more <= error
+        let more = own.term.numbers() as f64 - best.term.numbers() as f64;
+        own.fall >= LEAST_OF_RIVAL * best.fall && less + price * more <= error
     };
-    let mut rivals: Vec<&Tried> = Vec::new();
-    for own in tried.iter().filter(as_good) {
-        let text = |tried: &Tried| all[tried.term].text();
-        match (rivals.iter_mut()).find(|known| text(known) == text(own)) {
-            Some(known) if known.fall < own.fall => *known = own,
-            Some(_) => {}
-            None => rivals.push(own),
-        }
-    }
+    let mut rivals: Vec<&Refined> = refined.iter().filter(as_good).collect();
     rivals.sort_by(|a, b| {
-        let by_size = |tried: &Tried| all[tried.term].complexity();
+        let by_size = |own: &Refined| own.term.complexity();
         by_size(a).cmp(&by_size(b)).then(b.fall.total_cmp(&a.fall))
     });
     let chosen = rivals.first()?;
-    let chance = chance(&tried, chosen.fall, alarm)?;
-    let (term, shape) = residual.refined(&all[chosen.term], chosen, &factors, range);
-    let term = &term;
+    // Draws have no finer grids than that: neither has what they are held against.
+    let chance = chance(&tried, chosen.of_grid, alarm)?;
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
     Some(Pick {
-        text: term.text(),
-        name: term.name(),
-        shapes: shape.into_iter().chain(term.width()).collect(),
-        values: residual.coefficients(term, shape, &factors)?,
-        border: term.border,
+        text: chosen.term.text(),
+        name: chosen.term.name(),
+        shapes: chosen
+            .shape
+            .into_iter()
+            .chain(chosen.term.width())
+            .collect(),
+        values: residual.coefficients(chosen, &factors)?,
+        border: chosen.term.border,
         share: chosen.fall / residual.square,
         chance,
-        rivals: rest.map(|own| all[own.term].text()).collect(),
+        rivals: rest.map(|own| own.term.text()).collect(),
     })
 }
 
@@ -521,8 +544,8 @@ impl Residual {
     }
 
     /// How much of the square a term explains in each segment.
-    fn gains(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
-        let after = self.without(term, shape, factors)?;
+    fn gains(&self, own: &Refined, factors: &Factors) -> Option<Vec<f64>> {
+        let after = self.without(own, factors)?;
         let mut gains = vec![0.0; SEGMENTS];
         for ((segment, left), after) in self.segment.iter().zip(&self.left).zip(&after) {
             gains[*segment] += left * left - after * after;
@@ -531,9 +554,9 @@ impl Residual {
     }
 
     /// What a term leaves of the residual.
-    fn without(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
+    fn without(&self, own: &Refined, factors: &Factors) -> Option<Vec<f64>> {
         let mut left = self.left.clone();
-        for along in &self.own(term, shape, factors)? {
+        for along in &self.own(&own.term, own.shape, factors)? {
             let share = dot(along, &left);
             left.iter_mut()
                 .zip(along)
@@ -543,8 +566,8 @@ impl Residual {
     }
 
     /// What one direction explains of the noise that a term leaves: the mean square of a window, as many times more as neighbours say the same.
-    fn noise(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<f64> {
-        let left = self.without(term, shape, factors)?;
+    fn noise(&self, own: &Refined, factors: &Factors) -> Option<f64> {
+        let left = self.without(own, factors)?;
         let square = dot(&left, &left) / left.len() as f64;
         Some(square * autocorrelation_time(&left))
     }
@@ -556,8 +579,14 @@ impl Residual {
         best: &Tried,
         factors: &Factors,
         range: &MotionRange,
-    ) -> (Term, Option<f64>) {
-        let as_it_is = || (term.clone(), best.shape);
+    ) -> Refined {
+        let of = |term: Term, shape: Option<f64>, fall: f64| Refined {
+            term,
+            shape,
+            fall,
+            of_grid: best.fall,
+        };
+        let as_it_is = || of(term.clone(), best.shape, best.fall);
         let grid = term.grid.and_then(|grid| values(grid, range));
         let (Some(mut shape), Some(grid)) = (best.shape, grid) else {
             return as_it_is();
@@ -588,7 +617,7 @@ impl Residual {
             step *= NARROWER;
             wider = wider.powf(NARROWER);
         }
-        (term, Some(shape))
+        of(term, Some(shape), most)
     }
 
     fn by_segment(&self, column: &[f64]) -> Vec<f64> {
@@ -600,8 +629,8 @@ impl Residual {
     }
 
     /// A term's coefficients: least squares beside the model.
-    fn coefficients(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
-        let columns = self.columns(term, shape, factors)?;
+    fn coefficients(&self, own: &Refined, factors: &Factors) -> Option<Vec<f64>> {
+        let columns = self.columns(&own.term, own.shape, factors)?;
         let beside = |mut column: Vec<f64>| {
             for along in &self.basis {
                 let share = dot(along, &column);
