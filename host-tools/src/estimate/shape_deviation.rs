@@ -69,7 +69,11 @@ impl LimbFit<'_> {
         let Some(told) = self.shapes_told(place, &rows) else {
             return Vec::new();
         };
-        let [first, second] = told.std.into();
+        // One that the prediction does not depend on moves nothing.
+        let [first, second] = told
+            .std
+            .map(|std| if std.is_finite() { std } else { 0.0 })
+            .into();
         let alone = (1.0 - told.correlation.powi(2)).max(0.0).sqrt();
         let directions = [[first, told.correlation * second], [0.0, alone * second]];
         let count = place.0.description().shapes().count();

@@ -2,8 +2,8 @@
 //! saturation's limit, the width of a play.
 //!
 //! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
-//! explain, or for a grid of pairs where an effect has two; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
-//! prediction. No shape sees the torque that it explains but as the right-hand side.
+//! explain, or for a grid of pairs where an effect has two; the best shape is refined between its neighbours. A play's columns are what its links'
+//! motion changes of the whole prediction. No shape sees the torque that it explains but as the right-hand side.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
