@@ -1,10 +1,13 @@
 //! `proprio-fleet`: a table of a fleet's blocks in a folder, and the questions that it answers.
 //!
 //! 1. `folder`: the table: admitted blocks in `blocks/`, what was refused and why in `quarantine/`.
-//! 2. `answers`: each file reduced by itself, side by side (`fleet::partial`), put together in one order (`fleet::merge`), answered once (`fleet::final_answers`).
-//! 3. here: the commands.
+//! 2. `answers`: a robot's files reduced and put together in one order (`fleet::partial`, `fleet::merge`), its limbs solved and their factors forgotten, robots side by side
+//!    (`fleet::solved`); answered once (`fleet::answers_of`).
+//! 3. `engine`: the same answers by the Python module on an engine that spreads the work.
+//! 4. here: the commands.
 
 mod answers;
+mod engine;
 mod folder;
 
 use std::path::PathBuf;
@@ -16,6 +19,7 @@ use proprio_host::model::{Model, ModelError};
 use proprio_host::output::WriteError;
 use proprio_host::report::pages;
 
+use crate::engine::{Engine, EngineError};
 use crate::folder::{FolderError, Table};
 
 /// Blocks of many robots' logs in one table, and what they say together.
@@ -63,6 +67,9 @@ enum Command {
         /// Print one JSON object
         #[arg(long)]
         json: bool,
+        /// Compute on an engine, by the Python module of PROPRIO_PYTHON (default python3)
+        #[arg(long, requires = "json", conflicts_with = "html")]
+        engine: Option<Engine>,
     },
     /// Write a model file of each robot
     #[command(after_help = "Example:\n  proprio-fleet models fleet --to models")]
@@ -99,6 +106,8 @@ enum Error {
     Model(#[from] ModelError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error(transparent)]
+    Engine(#[from] EngineError),
     #[error("{path}: {reason}", path = .0.display(), reason = .1)]
     Made(PathBuf, std::io::Error),
 }
@@ -134,7 +143,14 @@ fn run(command: Command) -> Result<String, Error> {
                 status.to_string()
             })
         }
-        Command::Report { table, html, json } => {
+        Command::Report {
+            table,
+            engine: Some(engine),
+            ..
+        } => Ok(engine.report(&Table::at(&table).files()?)?),
+        Command::Report {
+            table, html, json, ..
+        } => {
             let table = Table::at(&table);
             let answers = answers::of(&table)?;
             if let Some(path) = html {

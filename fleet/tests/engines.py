@@ -119,6 +119,10 @@ def main() -> None:
             check("worker killed in the map", fleet.on_ray(paths, read=dies_once(fleet.read, marks["map"])), marks["map"].exists())
             answers = fleet.on_ray(paths, bring=dies_once(fleet.partial, marks["shuffle"]))
             check("worker killed in the shuffle", answers, marks["shuffle"].exists())
+            here = {"PROPRIO_PYTHON": sys.executable, "RAY_ADDRESS": ray.get_runtime_context().gcs_address}
+            words = [program, "report", str(folder / "fleet"), "--json", "--engine", "ray"]
+            report = subprocess.run(words, check=True, stdout=subprocess.PIPE, env={**os.environ, **here}).stdout
+            check("proprio-fleet report --engine ray", json.loads(report), True)
             return
         import pyspark
         from pyspark.sql import SparkSession

@@ -207,7 +207,7 @@ pub fn recording(bytes: &[u8]) {
     let mut gate = Gate::default();
     let blocks = fleet::read(&path).blocks.into_iter();
     let admitted: Vec<_> = blocks.filter_map(|block| gate.admit(block).ok()).collect();
-    std::hint::black_box(fleet::final_answers(&fleet::partial(admitted)));
+    std::hint::black_box(fleet::final_answers(fleet::partial(admitted)));
 }
 
 thread_local! {

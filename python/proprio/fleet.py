@@ -14,6 +14,7 @@ PyArrow is asked for here alone.
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 import os
@@ -103,14 +104,17 @@ def read(paths: pyarrow.Table) -> pyarrow.Table:
 
 
 def on_ray(paths: Iterable[str], read: Work = read, bring: Work = partial) -> dict[str, Any]:
-    """The answers of files, on the Ray that runs here or that `ray.init` has found.
+    """The answers of files, on the Ray that `ray.init` has found: where it was not called, that of RAY_ADDRESS or one of this process.
 
     Args:
         read: what a task does with a file: for logs, `lambda table: together(factors(path, robot_of(path)) for path in table["path"].to_pylist())`.
         bring: what a task does with the rows of some robots, all of theirs, after the shuffle.
     """
-    import ray  # type: ignore[import-not-found, unused-ignore]
+    # Untyped: what mypy says of this file does not depend on whether Ray is installed.
+    ray: Any = importlib.import_module("ray")
 
+    if not ray.is_initialized():
+        ray.init()
     many = max(2, int(ray.cluster_resources().get("CPU", 2)))
 
     @ray.remote(num_returns=many)  # type: ignore[untyped-decorator]

@@ -55,7 +55,7 @@ pub(crate) fn fleet_final(py: Python<'_>, source: Source) -> (String, Vec<String
     py.detach(|| {
         let (admitted, refused) = source.admitted();
         (
-            final_answers(&partial(admitted)).object().to_string(),
+            final_answers(partial(admitted)).object().to_string(),
             refused,
         )
     })

@@ -15,10 +15,10 @@ pub use super::outliers::Outlier;
 use super::outliers::{Commons, Tested, outliers};
 use super::partial::Kept;
 use super::population::common;
-use super::solve::solve;
 pub use super::values::RobotValue;
-use super::values::{Series, Solved, memories, model_of, robot_values, series_of};
-use crate::parallel::side_by_side;
+use super::values::{Series, memories, model_of, robot_values, series_of};
+pub use super::values::{Solved, solved};
+use crate::parallel::{each_part, side_by_side};
 use crate::table::Table;
 
 /// Name of the schema of answers as JSON.
@@ -77,12 +77,25 @@ pub(super) fn is_plain(column: &KeptColumn) -> bool {
 }
 
 /// All answers that kept blocks give: the same, to the bit, for any order in which they came.
-pub fn final_answers(kept: &[Kept]) -> Answers {
-    let solved = side_by_side(kept, |kept| {
-        let solution = solve(kept)?;
-        Some(Solved { kept, solution })
+pub fn final_answers(kept: Vec<Kept>) -> Answers {
+    let mut limbs: Vec<Option<Solved>> = Vec::new();
+    limbs.resize_with(kept.len(), || None);
+    each_part(limbs.iter_mut().zip(kept), |_, (limb, kept)| {
+        *limb = solved(kept)
     });
-    let solved: Vec<Solved> = solved.into_iter().flatten().collect();
+    answers_of(limbs.into_iter().flatten().collect())
+}
+
+/// All answers of limbs that were solved one by one, so that no more than one robot's factors are in memory; in any order.
+pub fn answers_of(mut solved: Vec<Solved>) -> Answers {
+    let order = |of: &Solved| {
+        (
+            of.kept.robot.clone(),
+            of.kept.columns.limb.clone(),
+            of.kept.hash.clone(),
+        )
+    };
+    solved.sort_by_cached_key(order);
     let (model, missing) = model(&solved);
     let all = all_series(&solved, &model);
     let memory = memories(&all);
@@ -91,14 +104,12 @@ pub fn final_answers(kept: &[Kept]) -> Answers {
     let tested = tested(&solved, &model, &all, &values);
     let in_model: Vec<Series> = all.into_iter().filter(|series| series.in_model).collect();
     let (drifts, series) = drifts(&in_model);
-    let robots: BTreeSet<&str> = kept.iter().map(|kept| kept.robot.as_str()).collect();
-    let times = |kept: &Kept| -> Vec<(String, String, u64)> {
-        let of = |b: &super::partial::KeptBlock| {
-            (kept.robot.clone(), b.log.clone(), b.time[0].to_bits())
-        };
-        kept.blocks.iter().map(of).collect()
-    };
-    let blocks: BTreeSet<_> = kept.iter().flat_map(times).collect();
+    let robots: BTreeSet<&str> = (solved.iter()).map(|of| of.kept.robot.as_str()).collect();
+    let blocks = solved.iter().flat_map(|of| {
+        let blocks = of.kept.blocks.iter();
+        blocks.map(|block| (&of.kept.robot, &block.log, block.time[0].to_bits()))
+    });
+    let blocks: BTreeSet<_> = blocks.collect();
     Answers {
         robots: robots.len(),
         blocks: blocks.len(),
@@ -147,14 +158,14 @@ fn model(solved: &[Solved]) -> (Kinds, Vec<Candidate>) {
 }
 
 /// Each joint of each robot.
-fn joints<'a>(solved: &'a [Solved<'a>]) -> Vec<(&'a Solved<'a>, usize)> {
-    let of = |of: &'a Solved<'a>| (0..of.solution.joints.len()).map(move |joint| (of, joint));
+fn joints<'a>(solved: &'a [Solved]) -> Vec<(&'a Solved, usize)> {
+    let of = |of: &'a Solved| (0..of.solution.joints.len()).map(move |joint| (of, joint));
     solved.iter().flat_map(of).collect()
 }
 
 /// The series of the model's columns, and of each other column added to it alone.
-fn all_series<'a>(solved: &'a [Solved<'a>], model: &Kinds) -> Vec<Series<'a>> {
-    let of = |&(of, joint): &(&'a Solved<'a>, usize)| {
+fn all_series<'a>(solved: &'a [Solved], model: &Kinds) -> Vec<Series<'a>> {
+    let of = |&(of, joint): &(&'a Solved, usize)| {
         let own = model_of(of, joint, &|column| model.contains(column.kind()));
         let mut series = series_of(of, joint, &own, None);
         for n in (0..of.solution.joints[joint].columns.len()).filter(|n| !own.contains(n)) {
@@ -217,13 +228,13 @@ fn populations(commons: &Commons) -> Vec<Population> {
 
 /// Values joint by joint; series of a joint follow one another.
 fn tested<'a>(
-    solved: &'a [Solved<'a>],
+    solved: &'a [Solved],
     model: &Kinds,
     all: &[Series],
     values: &[RobotValue],
 ) -> Vec<Tested<'a>> {
     let mut pairs = all.iter().zip(values).peekable();
-    let of = |(of, joint): (&'a Solved<'a>, usize)| {
+    let of = |(of, joint): (&'a Solved, usize)| {
         let mut own = Vec::new();
         let is_own = |series: &Series| std::ptr::eq(series.of, of) && series.joint == joint;
         while let Some((series, value)) = pairs.next_if(|(series, _)| is_own(series)) {

@@ -1,6 +1,7 @@
 //! Which blocks count. A block with a fault is refused with the reason, and the others are as if it had never come.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use super::block::{Block, Key, short_name};
 
@@ -167,7 +168,7 @@ pub struct Gate {
     /// Whose each block is, by its key without the robot.
     robots: HashMap<Key, String>,
     /// The columns of each robot's limb.
-    columns: BTreeMap<(String, String), std::sync::Arc<super::BlockColumns>>,
+    columns: BTreeMap<(String, String), Arc<super::BlockColumns>>,
     /// The latest end of each robot's blocks, s.
     latest: BTreeMap<String, f64>,
     /// How many blocks came later than a day after a later one: they count.
@@ -180,7 +181,14 @@ impl Gate {
     /// # Errors
     /// [`Fault`], with the block left out.
     pub fn admit(&mut self, block: Block) -> Result<Block, Fault> {
+        let limb = (block.robot.clone(), block.limb.clone());
+        // Those of one file are one.
+        let known = self.columns.get(&limb);
+        let is_known = known.is_some_and(|known| Arc::ptr_eq(known, &block.columns));
         check(&block)?;
+        if !is_known {
+            check_columns(&block)?;
+        }
         let key = Key {
             robot: String::new(),
             ..block.key()
@@ -196,9 +204,8 @@ impl Gate {
                 },
             });
         }
-        let limb = (block.robot.clone(), block.limb.clone());
         match self.columns.get(&limb) {
-            Some(known) if **known != *block.columns => {
+            Some(known) if !is_known && **known != *block.columns => {
                 return Err(Fault::OtherColumns {
                     what: difference(known, &block.columns),
                     block: name(&block),
@@ -251,12 +258,6 @@ fn check(block: &Block) -> Result<(), Fault> {
             stored: block.crc32c,
         });
     }
-    let not_finite = |what| {
-        Err(Fault::NotFinite {
-            block: name(block),
-            what,
-        })
-    };
     let numbers = [
         (block.t0, "t0"),
         (block.t1, "t1"),
@@ -266,18 +267,39 @@ fn check(block: &Block) -> Result<(), Fault> {
         (block.temperature.unwrap_or(0.0), "temperature"),
     ];
     if let Some((_, what)) = numbers.into_iter().find(|(x, _)| !x.is_finite()) {
-        return not_finite(what);
+        return not_finite(block, what);
     }
     if block.t1 < block.t0 {
-        return not_finite("t1");
+        return not_finite(block, "t1");
     }
     // As many windows as a factor can count.
     if !(1.0..1e15).contains(&block.windows) {
-        return not_finite("windows");
+        return not_finite(block, "windows");
     }
     if !block.factor.iter().all(|x| x.is_finite()) {
-        return not_finite("factor");
+        return not_finite(block, "factor");
     }
+    let joint = block.columns.place(&block.joint);
+    let asked = joint.map_or(0, |joint| block.columns.numbers(joint));
+    if block.factor.len() != asked || block.limb != block.columns.limb {
+        return Err(Fault::Shape {
+            block: name(block),
+            found: block.factor.len(),
+            asked,
+        });
+    }
+    Ok(())
+}
+
+fn not_finite(block: &Block, what: &'static str) -> Result<(), Fault> {
+    Err(Fault::NotFinite {
+        block: name(block),
+        what,
+    })
+}
+
+/// What can be wrong with the columns that it names.
+fn check_columns(block: &Block) -> Result<(), Fault> {
     if let Some(column) = block
         .columns
         .columns
@@ -295,16 +317,7 @@ fn check(block: &Block) -> Result<(), Fault> {
         prior && column.joints.iter().all(|joint| *joint < joints)
     };
     if !block.columns.columns.iter().all(is_usable) {
-        return not_finite("a column's prior");
-    }
-    let joint = block.columns.place(&block.joint);
-    let asked = joint.map_or(0, |joint| block.columns.numbers(joint));
-    if block.factor.len() != asked || block.limb != block.columns.limb {
-        return Err(Fault::Shape {
-            block: name(block),
-            found: block.factor.len(),
-            asked,
-        });
+        return not_finite(block, "a column's prior");
     }
     Ok(())
 }

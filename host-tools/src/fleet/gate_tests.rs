@@ -21,7 +21,7 @@ fn file(bytes: &[u8]) -> File {
 
 /// Answers as text: numbers are written so that they read back to the bit.
 fn answers(blocks: impl IntoIterator<Item = Block>) -> String {
-    serde_json::to_string(&final_answers(&partial(blocks))).unwrap()
+    serde_json::to_string(&final_answers(partial(blocks))).unwrap()
 }
 
 /// What the gate lets in, and the kinds of what it refuses.
@@ -134,7 +134,7 @@ fn late_blocks_count_and_the_order_does_not() {
     parts.shuffle(&mut random);
     let merged = merge(parts);
     assert_eq!(
-        serde_json::to_string(&final_answers(&merged)).unwrap(),
+        serde_json::to_string(&final_answers(merged)).unwrap(),
         truth
     );
 }

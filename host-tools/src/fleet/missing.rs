@@ -59,10 +59,7 @@ pub fn candidates(joints: &[OfRobot<'_>]) -> Vec<Candidate> {
     let mut left: BTreeMap<&str, f64> = BTreeMap::new();
     let mut gains: BTreeMap<&str, BTreeMap<&str, f64>> = BTreeMap::new();
     for of in joints {
-        let residual = |with| -> f64 {
-            let blocks = of.joint.blocks.iter();
-            blocks.map(|block| block.residual(of.model, with)).sum()
-        };
+        let residual = |with| of.joint.residual(of.model, with);
         let before = residual(None);
         *left.entry(of.robot).or_default() += before;
         for &(n, _) in &of.values {

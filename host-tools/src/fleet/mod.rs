@@ -31,14 +31,14 @@ pub mod solve;
 pub mod table;
 mod values;
 
-pub use answers::{Answers, final_answers};
+pub use answers::{Answers, answers_of, final_answers, solved};
 pub use block::Block;
 pub use columns::{BlockColumns, KeptColumn, place_in_model};
 pub use gate::{Fault, Gate, admit_all};
 pub use make::{Origin, blocks_of_log};
 pub use partial::{Kept, merge, partial};
 pub use prior::prior_model;
-pub use table::{TableError, read, write};
+pub use table::{TableError, read, robots_in, write};
 
 #[cfg(all(test, feature = "parquet"))]
 mod gate_tests;

@@ -35,7 +35,7 @@ pub struct Outlier {
 
 /// What is tested at a joint of a robot.
 pub(super) struct Tested<'a> {
-    pub(super) of: &'a Solved<'a>,
+    pub(super) of: &'a Solved,
     pub(super) joint: usize,
     /// The model's columns, by place among the joint's own.
     pub(super) model: Vec<usize>,

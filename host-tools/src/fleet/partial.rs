@@ -106,7 +106,7 @@ impl Kept {
     fn take(&mut self, other: Self) {
         for block in other.blocks {
             let same = |own: &KeptBlock| {
-                own.log == block.log && own.time[0].to_bits() == block.time[0].to_bits()
+                own.time[0].to_bits() == block.time[0].to_bits() && own.log == block.log
             };
             match self.blocks.iter().position(same) {
                 None => self.blocks.push(block),

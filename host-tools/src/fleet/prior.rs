@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn a_fleets_prior_is_a_model_file_that_reads_back() {
-        let answers = final_answers(&partial(few_blocks(6, 8)));
+        let answers = final_answers(partial(few_blocks(6, 8)));
         let model = prior_model(&Model::default(), &answers);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("prior.toml");

@@ -7,9 +7,9 @@
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::effect::Form;
-use proprio_solve::factor::HeapFactor;
+use proprio_solve::factor::{HeapFactor, numbers_of};
 
-use super::columns::BlockColumns;
+use super::columns::{BlockColumns, KeptColumn};
 use super::partial::Kept;
 use crate::robust;
 
@@ -33,23 +33,13 @@ pub struct LimbSolution {
 pub struct JointSolution {
     /// Its own columns, by place among the limb's.
     pub columns: Vec<usize>,
-    /// Its blocks.
-    pub blocks: Vec<OwnBlock>,
+    /// Which of the robot's blocks it has, in their order.
+    pub blocks: Vec<u32>,
+    /// Of each of them R θ = d of the own columns, \[R d; 0 ρ\] row by row, each from its diagonal on: rows in units of the noise, θ in the columns' units; ρ is
+    /// what no value of the kept columns explains. `f32`, as a file has factors: those of all robots stay in memory until the fleet's model is known.
+    numbers: Vec<f32>,
     /// Σ RᵀR and Σ RᵀS over blocks: how an error of the bodies moves own values; S is R's part of the bodies times the root of their covariance.
     normal: [DMatrix<f64>; 2],
-}
-
-/// What a block says of a joint's own effects, the bodies being known.
-#[derive(Debug, Clone)]
-pub struct OwnBlock {
-    /// Which of the robot's blocks.
-    pub block: usize,
-    /// R θ = d of the own columns: rows in units of the noise, θ in the columns' units.
-    pub rows: DMatrix<f64>,
-    /// See `rows`.
-    pub right: DVector<f64>,
-    /// What no value of the kept columns explains, in units of the noise, squared.
-    pub unexplained: f64,
 }
 
 /// A model's values in each block of a joint.
@@ -73,11 +63,12 @@ fn own_columns(columns: &BlockColumns, joint: usize) -> Vec<usize> {
     columns.of_joint(joint).into_iter().filter(is_own).collect()
 }
 
-/// A block's triangle of a joint: own columns first, then shared ones, in units of priors and noise.
+/// A block's triangle of a joint, own columns first, then shared ones, in units of priors and noise: the rows of its own columns.
 struct Reduced {
-    block: usize,
+    block: u32,
     joint: usize,
-    triangle: HeapFactor,
+    rows: DMatrix<f64>,
+    /// What no value of the kept columns explains, in units of the noise.
     unexplained: f64,
 }
 
@@ -89,6 +80,12 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
     let is_body = |k: &usize| columns.columns[*k].is_inertial();
     let shared: Vec<usize> = (0..columns.columns.len()).filter(is_body).collect();
     let noise: Vec<f64> = (0..joints).map(|j| noise(kept, j)).collect();
+    let places: Vec<Vec<usize>> = (0..joints)
+        .map(|j| shared_places(columns, j, &shared))
+        .collect();
+    let orders: Vec<Order> = (0..joints)
+        .map(|j| Order::of(columns, j, &own[j]))
+        .collect();
     let mut sum = HeapFactor::new(shared.len());
     sum.fold(&mut identity(shared.len()));
     let mut reduced = Vec::new();
@@ -97,19 +94,16 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
             let Some(factor) = block.joint(j) else {
                 continue;
             };
-            let triangle = reduce(columns, (j, &own[j]), &factor, *noise);
-            let places = shared_places(columns, j, &shared);
-            sum.fold(&mut trailing(
-                &triangle,
-                own[j].len(),
-                &places,
-                shared.len(),
-            ));
+            let triangle = reduce(&orders[j], &factor, *noise);
+            let (n, places) = (own[j].len(), &places[j]);
+            let mut rows = trailing(&triangle, n, places, shared.len());
+            sum.reflect(&mut rows, &|k| places.partition_point(|place| *place <= k));
+            let number = |r: usize, c: usize| c.checked_sub(r).map_or(0.0, |c| triangle.row(r)[c]);
             reduced.push(Reduced {
-                block: b,
+                block: b as u32,
                 joint: j,
-                unexplained: (factor.row(factor.columns())[0] / noise).powi(2),
-                triangle,
+                unexplained: factor.row(factor.columns())[0] / noise,
+                rows: DMatrix::from_fn(n, triangle.columns() + 1, number),
             });
         }
     }
@@ -128,9 +122,8 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
         bodies: told.collect(),
         joints: (0..joints)
             .map(|j| {
-                let places = shared_places(columns, j, &shared);
                 let blocks = reduced.iter().filter(|one| one.joint == j);
-                joint_solution(columns, &own[j], blocks, (&places, &bodies, &root))
+                joint_solution(columns, &own[j], blocks, (&places[j], &bodies, &root))
             })
             .collect(),
     })
@@ -154,30 +147,45 @@ fn shared_places(columns: &BlockColumns, joint: usize, shared: &[usize]) -> Vec<
     of_joint.iter().filter_map(place).collect()
 }
 
+/// Where the columns of a joint's factors stand in reduced ones.
+struct Order<'a> {
+    /// The joint's.
+    of_joint: Vec<&'a KeptColumn>,
+    /// Place of each, its own first, then bodies'; none of what is taken to be none.
+    places: Vec<Option<usize>>,
+    /// How many are its own, and how many have a place.
+    own: usize,
+    count: usize,
+}
+
+impl<'a> Order<'a> {
+    fn of(columns: &'a BlockColumns, joint: usize, own: &[usize]) -> Self {
+        let of_joint = columns.of_joint(joint);
+        let bodies = of_joint
+            .iter()
+            .filter(|k| columns.columns[**k].is_inertial());
+        let order: Vec<usize> = own.iter().chain(bodies).copied().collect();
+        let to = |k: &usize| order.iter().position(|at| at == k);
+        Self {
+            places: of_joint.iter().map(to).collect(),
+            of_joint: of_joint.iter().map(|&k| &columns.columns[k]).collect(),
+            own: own.len(),
+            count: order.len(),
+        }
+    }
+}
+
 /// A factor in units of priors and noise, own columns first and with their priors.
-fn reduce(
-    columns: &BlockColumns,
-    (joint, own): (usize, &[usize]),
-    factor: &HeapFactor,
-    noise: f64,
-) -> HeapFactor {
-    let of_joint = columns.of_joint(joint);
-    let p = of_joint.len();
-    let bodies = of_joint
-        .iter()
-        .filter(|k| columns.columns[**k].is_inertial());
-    let order: Vec<usize> = own.iter().chain(bodies).copied().collect();
-    let to = |k: &usize| order.iter().position(|at| at == k);
-    let places: Vec<Option<usize>> = of_joint.iter().map(to).collect();
-    let width = order.len() + 1;
+fn reduce(order: &Order<'_>, factor: &HeapFactor, noise: f64) -> HeapFactor {
+    let (p, width) = (order.of_joint.len(), order.count + 1);
     // The last row is what nothing explains.
-    let mut rows = vec![0.0; (p + own.len()) * width];
+    let mut rows = vec![0.0; (p + order.own) * width];
     for (k, row) in rows.chunks_exact_mut(width).take(p).enumerate() {
         let numbers = factor.row(k);
         let mut right = numbers[p - k];
         for (x, c) in numbers[..p - k].iter().zip(k..) {
-            if let Some(place) = places[c] {
-                let column = &columns.columns[of_joint[c]];
+            if let Some(place) = order.places[c] {
+                let column = order.of_joint[c];
                 row[place] = x * column.std / noise;
                 right -= x * column.mean;
             }
@@ -188,7 +196,7 @@ fn reduce(
     for (n, row) in rows.chunks_exact_mut(width).skip(p).enumerate() {
         row[n] = 1.0;
     }
-    let mut triangle = HeapFactor::new(order.len());
+    let mut triangle = HeapFactor::new(order.count);
     triangle.fold(&mut rows);
     triangle
 }
@@ -238,26 +246,27 @@ fn joint_solution<'a>(
     // The errors of the bodies, which all blocks share.
     let errors = DMatrix::from_fn(places.len(), root.ncols(), |r, c| root[(places[r], c)]);
     let mut normal = [DMatrix::zeros(n, n), DMatrix::zeros(n, places.len())];
-    let mut told = Vec::new();
+    let (mut of, mut numbers) = (Vec::new(), Vec::new());
     for one in blocks {
-        let dense = one.triangle.dense();
-        let p = one.triangle.columns();
+        let (dense, p) = (&one.rows, n + places.len());
         let others = dense.view((0, n), (n, p - n)).into_owned();
         let right = dense.view((0, p), (n, 1)).column(0) - &others * &known;
         let rows = DMatrix::from_fn(n, n, |r, c| dense[(r, c)] / scale[c]);
+        let right = right + &rows * &mean;
         normal[0] += rows.tr_mul(&rows);
         normal[1] += rows.tr_mul(&others);
-        told.push(OwnBlock {
-            block: one.block,
-            right: &right + &rows * &mean,
-            rows,
-            unexplained: one.unexplained,
-        });
+        of.push(one.block);
+        for r in 0..n {
+            numbers.extend((r..n).map(|c| rows[(r, c)] as f32));
+            numbers.push(right[r] as f32);
+        }
+        numbers.push(one.unexplained as f32);
     }
     let [squares, by_bodies] = normal;
     JointSolution {
         columns: own.to_vec(),
-        blocks: told,
+        blocks: of,
+        numbers,
         normal: [squares, by_bodies * errors],
     }
 }
@@ -265,9 +274,9 @@ fn joint_solution<'a>(
 impl JointSolution {
     /// Values of a model with these of its own columns, the others being none, block by block: of those blocks that tell them about as well as most.
     pub fn values(&self, columns: &[usize]) -> ModelValues {
-        let told = self.blocks.iter().filter_map(|block| {
-            let (values, std) = block.values(columns)?;
-            Some((block.block, values, std))
+        let told = self.blocks.iter().enumerate().filter_map(|(at, block)| {
+            let (values, std) = self.values_in(at, columns)?;
+            Some((*block as usize, values, std))
         });
         let mut blocks: Vec<_> = told.collect();
         let most: Vec<f64> = (0..columns.len())
@@ -295,10 +304,10 @@ impl JointSolution {
     }
 }
 
-impl OwnBlock {
-    /// Least squares of a model of these columns: values and standard deviations; `None` where a column is not told.
-    pub fn values(&self, columns: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
-        let factor = self.factor(columns, None);
+impl JointSolution {
+    /// Least squares of a model of these columns in one of the blocks: values and standard deviations; `None` where a column is not told.
+    fn values_in(&self, at: usize, columns: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let factor = self.factor(at, columns, None);
         let p = columns.len();
         let triangle = factor.dense().view((0, 0), (p, p)).into_owned();
         let inverse = triangle.solve_upper_triangular(&DMatrix::identity(p, p))?;
@@ -307,20 +316,29 @@ impl OwnBlock {
         Some((values, inverse.row_iter().map(|row| row.norm()).collect()))
     }
 
-    /// What a model of these columns leaves, one more column being at a value: in units of the noise, squared.
+    /// What a model of these columns leaves of all blocks, one more column being at a value: in units of the noise, squared.
     pub fn residual(&self, columns: &[usize], with: Option<(usize, f64)>) -> f64 {
-        self.unexplained + self.factor(columns, with).row(columns.len())[0].powi(2)
+        let of = |at: usize| self.factor(at, columns, with).row(columns.len())[0].powi(2);
+        (0..self.blocks.len()).map(of).sum()
     }
 
-    fn factor(&self, columns: &[usize], with: Option<(usize, f64)>) -> HeapFactor {
-        let width = columns.len() + 1;
-        let mut rows = vec![0.0; self.rows.nrows() * width];
+    /// The factor of these columns in one of the blocks; its ρ has what no value of the kept columns explains.
+    fn factor(&self, at: usize, columns: &[usize], with: Option<(usize, f64)>) -> HeapFactor {
+        let (n, width) = (self.columns.len(), columns.len() + 1);
+        let mut numbers = self.numbers[at * numbers_of(n)..]
+            .iter()
+            .map(|x| f64::from(*x));
+        let mut rows = vec![0.0; (n + 1) * width];
         for (r, row) in rows.chunks_exact_mut(width).enumerate() {
-            for (x, &n) in row.iter_mut().zip(columns) {
-                *x = self.rows[(r, n)];
+            for (c, x) in (r..n).zip(&mut numbers) {
+                if let Some(place) = columns.iter().position(|own| *own == c) {
+                    row[place] = x;
+                }
+                if let Some((_, value)) = with.filter(|(n, _)| *n == c) {
+                    row[width - 1] -= x * value;
+                }
             }
-            let known = with.map_or(0.0, |(n, value)| self.rows[(r, n)] * value);
-            row[width - 1] = self.right[r] - known;
+            row[width - 1] += numbers.next().unwrap_or(0.0);
         }
         let mut factor = HeapFactor::new(columns.len());
         factor.fold(&mut rows);

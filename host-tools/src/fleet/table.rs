@@ -3,6 +3,7 @@
 #[cfg(feature = "parquet")]
 mod parquet;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::block::Block;
@@ -98,6 +99,18 @@ pub fn read(path: &Path) -> Table {
         Ok(file) => read_from(&path.display().to_string(), file),
         Err(error) => Table::unreadable(path, error),
     }
+}
+
+/// The robots of which a file has blocks, without the blocks; none of what cannot be read.
+#[cfg(feature = "parquet")]
+pub fn robots_in(path: &Path) -> BTreeSet<String> {
+    std::fs::File::open(path).map_or_else(|_| BTreeSet::new(), parquet::robots_from)
+}
+
+/// Of no robot: this build has no Parquet.
+#[cfg(not(feature = "parquet"))]
+pub fn robots_in(_: &Path) -> BTreeSet<String> {
+    BTreeSet::new()
 }
 
 /// Reads a table in memory, named so.

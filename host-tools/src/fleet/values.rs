@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::columns::KeptColumn;
 use super::memory::{Memory, mean_and_variance, moderated, widened};
 use super::partial::Kept;
-use super::solve::{JointSolution, LimbSolution};
+use super::solve::{JointSolution, LimbSolution, solve};
 use crate::robust;
 
 /// Fewest blocks between which a value's ± is taken.
@@ -37,14 +37,23 @@ pub struct RobotValue {
 }
 
 /// A limb of a robot with its solution.
-pub(super) struct Solved<'a> {
-    pub(super) kept: &'a Kept,
+pub struct Solved {
+    pub(super) kept: Kept,
     pub(super) solution: LimbSolution,
+}
+
+/// Solves a limb, and forgets its factors: what is kept of a block is then a twentieth of it. `None` without data.
+pub fn solved(mut kept: Kept) -> Option<Solved> {
+    let solution = solve(&kept)?;
+    for block in &mut kept.blocks {
+        block.joints = Vec::new();
+    }
+    Some(Solved { kept, solution })
 }
 
 /// A robot's series of one parameter.
 pub(super) struct Series<'a> {
-    pub(super) of: &'a Solved<'a>,
+    pub(super) of: &'a Solved,
     pub(super) joint: usize,
     /// Its place among the joint's own columns.
     pub(super) n: usize,
@@ -86,7 +95,7 @@ pub(super) fn model_of(
 
 /// The series of a model's columns at a joint; of one that is added to it, that one's alone.
 pub(super) fn series_of<'a>(
-    of: &'a Solved<'a>,
+    of: &'a Solved,
     joint: usize,
     model: &[usize],
     added: Option<usize>,

@@ -38,7 +38,7 @@ pub(super) fn run(files: &[PathBuf], as_json: bool) -> Result<String, Error> {
             all.push(block);
         }
     }
-    let Answers { blocks, values, .. } = final_answers(&partial(all));
+    let Answers { blocks, values, .. } = final_answers(partial(all));
     let report = Report {
         blocks: files.to_vec(),
         robot: robot.unwrap_or_default(),

@@ -3,7 +3,7 @@
 //! The columns that a hash stands for are in the file's metadata, under `proprio.columns.HASH`. Numbers of factors are `f32`: a column's information
 //! is then known to 1e-7 of it, four orders below its ±. They are split into bytes (BYTE_STREAM_SPLIT) and packed with zstd.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -174,6 +174,28 @@ pub fn read_from<R: parquet::file::reader::ChunkReader + 'static>(name: &str, fi
         Ok(Err(fault)) => Table::none(fault),
         Err(_) => Table::none(damaged(name, "its decoder failed")),
     }
+}
+
+/// The robots of an open file's blocks, of those row groups that can be read.
+pub(super) fn robots_from<R: parquet::file::reader::ChunkReader + 'static>(
+    file: R,
+) -> BTreeSet<String> {
+    let robots = || -> Result<BTreeSet<String>, ParquetError> {
+        let reader = SerializedFileReader::new(file)?;
+        let of = |group: usize| {
+            let rows = reader.get_row_group(group)?;
+            // The schema's first.
+            Ok(column::<ByteArrayType>(&*rows, 0)?.0)
+        };
+        let groups = (0..reader.num_row_groups()).map(of);
+        let names = groups.filter_map(Result::<Vec<ByteArray>, ParquetError>::ok);
+        let names = names
+            .flatten()
+            .filter_map(|name| Some(name.as_utf8().ok()?.to_owned()));
+        Ok(names.collect())
+    };
+    let read = catch_unwind(AssertUnwindSafe(robots));
+    read.ok().and_then(Result::ok).unwrap_or_default()
 }
 
 fn damaged(file: &str, cause: impl ToString) -> Fault {
