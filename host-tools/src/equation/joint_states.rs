@@ -148,9 +148,9 @@ impl Motion {
         links: bool,
     ) -> States {
         let n = self.joints;
-        let needs = Needs::of(values, made);
         // A drive's torque is made of all effects that the model has.
         let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        let needs = Needs::of(values, made, &all);
         let seen = if needs.torque.is_empty() { made } else { &all };
         let motors = self.late(delay);
         let range = asked
@@ -253,6 +253,8 @@ impl Motion {
 /// Which of what effects see costs a pass of its own.
 pub(super) struct Needs {
     load: bool,
+    /// Whether an effect sees it.
+    pub(super) smooth: bool,
     /// Joints whose motors' torque is asked for.
     torque: Vec<usize>,
     /// Joints whose links move in a play or may.
@@ -264,12 +266,14 @@ pub(super) struct Needs {
 }
 
 impl Needs {
-    /// What the columns `made` and the links' motion ask for.
-    fn of(values: &Values, made: &[&Column]) -> Self {
-        let sees_load = (made.iter()).any(|column| match column {
-            Column::Own { effect, .. } => effect.description().input == Input::TransmittedTorque,
+    /// What the columns `made`, of `all`, and the links' motion ask for.
+    fn of(values: &Values, made: &[&Column], all: &[&Column]) -> Self {
+        let sees_load = |column: &&Column| match column {
+            Column::Own { effect, .. } | Column::Coupled { effect, .. } => {
+                effect.description().input == Input::TransmittedTorque
+            }
             _ => false,
-        });
+        };
         let asks = |of: Transmission, at: usize| {
             (made.iter()).any(|column| match column {
                 Column::Motion { joint, effect, .. } => {
@@ -300,7 +304,8 @@ impl Needs {
         });
         let links = !play.is_empty() || !spring.is_empty();
         Self {
-            load: !torque.is_empty() || links || sees_load,
+            load: !torque.is_empty() || links || made.iter().any(sees_load),
+            smooth: all.iter().any(sees_load),
             torque,
             play,
             spring,

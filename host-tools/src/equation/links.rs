@@ -38,8 +38,9 @@ impl Motion {
         let n = self.joints;
         let from = states.first * n;
         let all = states.q.len();
-        let loads = load.line[from..from + all].iter().map(|line| line[0]);
-        states.load = loads.collect();
+        if needs.smooth {
+            states.load = self.smooth(load)[from..from + all].to_vec();
+        }
         if !needs.play.is_empty() {
             states.play = vec![[0.0; 2]; all];
         }
@@ -63,12 +64,11 @@ impl Motion {
                 let gear = gear(values, j, compliance);
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
-                    let filtered: Vec<f64> =
-                        stretch.clone().map(|k| load.filtered[k * n + j]).collect();
+                    let filtered = &self.filtered(load, j)[stretch.clone()];
                     let time = &self.time[stretch.clone()];
                     for (i, k) in stretch.clone().enumerate() {
                         let at = k * n + j;
-                        let give = local_line(time, &filtered, i, around(time, i)).map(|x| -x);
+                        let give = local_line(time, filtered, i, around(time, i)).map(|x| -x);
                         states.give[at - from] = give;
                         states.move_link(at - from, compliance, give);
                     }
@@ -186,7 +186,10 @@ impl Motion {
         };
         let parts = springs.iter();
         let parts: Vec<[Vec<f64>; 2]> = parts
-            .map(|spring| [&load.filtered, &load.beyond].map(|all| of(all, spring)))
+            .map(|spring| {
+                let filtered = &self.filtered(load, spring.joint)[stretch.clone()];
+                [filtered.to_vec(), of(&load.beyond, spring)]
+            })
             .collect();
         let loads: Vec<Course> = (parts.iter())
             .map(|[at, beyond]| Course { at, beyond })
@@ -245,10 +248,9 @@ impl Motion {
     ) -> Vec<(usize, [f64; 2])> {
         let at = || stretch.clone().map(|k| k * self.joints + joint);
         let of = |all: &[f64]| at().map(|at| all[at]).collect::<Vec<f64>>();
-        let [filtered, beyond, inertia] =
-            [&load.filtered, &load.beyond, &load.inertia].map(|x| of(x));
+        let [beyond, inertia] = [&load.beyond, &load.inertia].map(|x| of(x));
         let torque = Course {
-            at: &filtered,
+            at: &self.filtered(load, joint)[stretch.clone()],
             beyond: &beyond,
         };
         at().zip(by(&self.time[stretch.clone()], torque, &inertia))

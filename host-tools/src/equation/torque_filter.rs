@@ -11,6 +11,7 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use nalgebra::DMatrix;
 use realfft::RealFftPlanner;
@@ -40,12 +41,12 @@ const BURST_ALONE: f64 = 10.0;
 const SURE_BURST: f64 = 20.0;
 
 impl Motion {
-    /// What of torques (N m; sample by sample, joint by joint) is motion, and not its noise.
+    /// What of a joint's torque is motion, and not its noise, N m, sample by sample; of `torque` sample by sample, joint by joint.
     pub(super) fn filtered_torque(
         &self,
         inertia: &DMatrix<f64>,
         motors: &[Trajectory],
-        torque: &[f64],
+        (torque, joint): (&[f64], usize),
     ) -> Vec<f64> {
         let longest = self
             .stretches
@@ -55,36 +56,31 @@ impl Motion {
         let period = self.period();
         // An even number, so that its last frequency is half the sampling rate.
         let length = (LENGTH.min(longest.unwrap_or(0.0)) / period) as usize & !1;
-        let mut known = torque.to_vec();
+        let own = torque.iter().skip(joint).step_by(self.joints);
+        let mut known: Vec<f64> = own.copied().collect();
         if length < LEAST_SAMPLES {
             return known;
         }
-        let mut planner = RealFftPlanner::new();
-        for joint in 0..self.joints {
-            let density = |frequency: f64| {
-                let of = |i: usize| {
-                    inertia[(joint, i)].powi(2) * motors[i].noise_density(frequency, period)
-                };
-                (TAU * frequency).powi(4) * (0..self.joints).map(of).sum::<f64>()
-            };
-            let own = (torque, joint, motors[joint].cutoff);
-            let (share, left) = self.share_of_motion(&mut planner, own, length, density);
-            if left <= 0.0 {
-                continue;
-            }
-            for stretch in &self.stretches {
-                let t = &self.time[stretch.clone()];
-                let own = || stretch.clone().map(|k| torque[k * self.joints + joint]);
-                let mut passed = passed(&mut planner, t, &own().collect::<Vec<f64>>(), &share);
-                let rest: Vec<f64> = own()
-                    .zip(&passed)
-                    .map(|(own, passed)| own - passed)
-                    .collect();
-                add_bursts(t, &rest, left, &mut passed);
-                for (k, passed) in stretch.clone().zip(passed) {
-                    known[k * self.joints + joint] = passed;
-                }
-            }
+        let density = |frequency: f64| {
+            let of =
+                |i: usize| inertia[(joint, i)].powi(2) * motors[i].noise_density(frequency, period);
+            (TAU * frequency).powi(4) * (0..self.joints).map(of).sum::<f64>()
+        };
+        let (share, left) = self.share_of_motion((&known, motors[joint].cutoff), length, density);
+        if left <= 0.0 {
+            return known;
+        }
+        for stretch in &self.stretches {
+            let t = &self.time[stretch.clone()];
+            let own = &mut known[stretch.clone()];
+            let mut passed = passed(&self.loads.plans, t, own, &share);
+            let rest: Vec<f64> = own
+                .iter()
+                .zip(&passed)
+                .map(|(own, passed)| own - passed)
+                .collect();
+            add_bursts(t, &rest, left, &mut passed);
+            own.copy_from_slice(&passed);
         }
         known
     }
@@ -114,12 +110,11 @@ impl Motion {
     /// (N m)²/Hz; and the variance of the noise that is left out, (N m)². Beyond where the joint's own motion is followed, Hz, all is noise.
     fn share_of_motion(
         &self,
-        planner: &mut RealFftPlanner<f64>,
-        (torque, joint, followed): (&[f64], usize, f64),
+        (torque, followed): (&[f64], f64),
         length: usize,
         noise: impl Fn(f64) -> f64,
     ) -> (Vec<f64>, f64) {
-        let fft = planner.plan_fft_forward(length);
+        let fft = plans(&self.loads.plans).plan_fft_forward(length);
         let (mut piece, mut spectrum) = (fft.make_input_vec(), fft.make_output_vec());
         let hann = |k: usize| 0.5 * (1.0 - (TAU * k as f64 / length as f64).cos());
         let window: Vec<f64> = (0..length).map(hann).collect();
@@ -128,9 +123,9 @@ impl Motion {
             for first in
                 (stretch.start..(stretch.end + 1).saturating_sub(length)).step_by(length / 2)
             {
-                let own = || (first..first + length).map(|k| torque[k * self.joints + joint]);
-                let mean = own().sum::<f64>() / length as f64;
-                for ((piece, window), own) in piece.iter_mut().zip(&window).zip(own()) {
+                let own = &torque[first..first + length];
+                let mean = own.iter().sum::<f64>() / length as f64;
+                for ((piece, window), own) in piece.iter_mut().zip(&window).zip(own) {
                     *piece = window * (own - mean);
                 }
                 if fft.process(&mut piece, &mut spectrum).is_ok() {
@@ -210,7 +205,7 @@ fn add_bursts(t: &[f64], rest: &[f64], noise: f64, passed: &mut [f64]) {
 const POSES: usize = 16;
 
 /// A stretch of a signal with each frequency's share of it passed; at its ends it goes on as its mirror image through the point there.
-fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]) -> Vec<f64> {
+fn passed(known: &Mutex<RealFftPlanner<f64>>, t: &[f64], x: &[f64], share: &[f64]) -> Vec<f64> {
     let n = x.len();
     // As long as the spectrum's window: no filter made of that remembers longer.
     let beside = (2 * share.len()).min(n.saturating_sub(1));
@@ -233,10 +228,13 @@ fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]
     let back = (long[0] - end) / (missing + 1) as f64;
     long.extend((1..=missing).map(|k| end + back * k as f64));
     let length = long.len();
-    let (forward, inverse) = (
-        planner.plan_fft_forward(length),
-        planner.plan_fft_inverse(length),
-    );
+    let (forward, inverse) = {
+        let mut plans = plans(known);
+        (
+            plans.plan_fft_forward(length),
+            plans.plan_fft_inverse(length),
+        )
+    };
     let mut spectrum = forward.make_output_vec();
     if forward.process(&mut long, &mut spectrum).is_err() {
         return x.to_vec();
@@ -253,6 +251,11 @@ fn passed(planner: &mut RealFftPlanner<f64>, t: &[f64], x: &[f64], share: &[f64]
         return x.to_vec();
     }
     long[beside..beside + n].to_vec()
+}
+
+/// The plans of transforms that are known, to be asked for one.
+fn plans(known: &Mutex<RealFftPlanner<f64>>) -> MutexGuard<'_, RealFftPlanner<f64>> {
+    known.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The least length from this one on that is a power of two, or one and a half times that.
@@ -277,8 +280,8 @@ mod tests {
         let both: Vec<f64> = (t.iter().zip(&slow))
             .map(|(t, slow)| slow + (300.0 * t).cos())
             .collect();
-        let mut planner = RealFftPlanner::new();
-        let whole = passed(&mut planner, &t, &both, &[1.0; 501]);
+        let planner = Mutex::default();
+        let whole = passed(&planner, &t, &both, &[1.0; 501]);
         let off = |a: &[f64], b: &[f64], from: usize| {
             let inner = from..a.len() - from;
             inner.map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max)
@@ -286,7 +289,7 @@ mod tests {
         assert!(off(&whole, &both, 0) < 1e-12);
         // 501 shares reach to 250 Hz: the first 30 Hz of them.
         let low: Vec<f64> = (0..501).map(|n| if n < 60 { 1.0 } else { 0.0 }).collect();
-        let low = passed(&mut planner, &t, &both, &low);
+        let low = passed(&planner, &t, &both, &low);
         assert!(off(&low, &slow, 200) < 0.02, "{}", off(&low, &slow, 200));
         assert!(off(&low, &slow, 0) < 0.5, "{}", off(&low, &slow, 0));
     }

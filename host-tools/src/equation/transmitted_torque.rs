@@ -5,7 +5,7 @@
 //! asked for last is kept.
 
 use std::borrow::Cow;
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 
@@ -15,6 +15,7 @@ use super::motion::Motion;
 use super::recoil::Recoil;
 use super::transmitted_torque_cache::{Key, Load, MOST, MOST_OF_BRISTLES};
 use super::values::Values;
+use crate::once::made_once;
 use crate::parallel::each_part;
 use crate::trajectory::{Before, Trajectory};
 
@@ -117,7 +118,7 @@ impl Motion {
     pub(super) fn load_of(
         &self,
         body: &LimbBody,
-        motors: (&[Trajectory], f64),
+        (motors, delay): (&Arc<Vec<Trajectory>>, f64),
         values: &Values,
         (loose, asked): (bool, &[bool]),
     ) -> Load {
@@ -125,7 +126,7 @@ impl Motion {
         let rigid = body.loaded(values);
         let base = body.base(values);
         let encoders: Vec<_> = values.encoders().collect();
-        let links = self.links_of(motors);
+        let links = self.links_of((motors.as_slice(), delay));
         let mut torque = vec![0.0; n * self.time.len()];
         let mut inertia = vec![0.0; torque.len()];
         let parts = (torque.chunks_mut(n * PART)).zip(inertia.chunks_mut(n * PART));
@@ -147,23 +148,39 @@ impl Motion {
                 turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
             }
         });
-        let [filtered, beyond] = if loose {
-            let usual = self.usual_inertia(body, values);
-            [
-                self.filtered_torque(&usual, motors.0, &torque),
-                self.beyond_samples(&usual, &links),
-            ]
-        } else {
-            inertia = Vec::new();
-            [Vec::new(), Vec::new()]
+        let (usual, beyond) = match loose {
+            true => {
+                let usual = self.usual_inertia(body, values);
+                let beyond = self.beyond_samples(&usual, &links);
+                (usual, beyond)
+            }
+            false => {
+                inertia = Vec::new();
+                (DMatrix::zeros(0, 0), Vec::new())
+            }
         };
         Load {
+            filtered: (0..n).map(|_| OnceLock::new()).collect(),
+            smooth: OnceLock::new(),
+            asked: asked.to_vec(),
+            motors: motors.clone(),
+            usual,
             inertia,
-            filtered,
             beyond,
-            line: self.lines(&torque, asked),
             torque,
         }
+    }
+
+    /// What of a joint's load is motion, and no noise of it, N m, sample by sample; of a load of links that may move.
+    pub(super) fn filtered<'l>(&self, load: &'l Load, joint: usize) -> &'l Vec<f64> {
+        made_once(&load.filtered[joint], || {
+            self.filtered_torque(&load.usual, &load.motors, (&load.torque, joint))
+        })
+    }
+
+    /// The loads by the straight line that smooths them, N m, at the samples that were asked for; sample by sample, joint by joint.
+    pub(crate) fn smooth<'l>(&self, load: &'l Load) -> &'l Vec<f64> {
+        made_once(&load.smooth, || self.lines(&load.torque, &load.asked))
     }
 
     /// What joints' torques are in the mean between two samples beyond the mean at both, N m: of the samples at which each step ends, joint by joint. Where
@@ -187,10 +204,10 @@ impl Motion {
         beyond
     }
 
-    /// Value and slope of a torque at the samples that are asked for, by straight lines.
-    fn lines(&self, torque: &[f64], asked: &[bool]) -> Vec<[f64; 2]> {
+    /// Torques at the samples that are asked for, by straight lines.
+    fn lines(&self, torque: &[f64], asked: &[bool]) -> Vec<f64> {
         let n = self.joints;
-        let mut line = vec![[0.0; 2]; torque.len()];
+        let mut line = vec![0.0; torque.len()];
         each_part(line.chunks_mut(n * PART), |part, line| {
             let samples = (PART * part..).zip(line.chunks_exact_mut(n));
             for (k, own) in samples.filter(|(k, _)| asked[*k]) {
@@ -202,7 +219,7 @@ impl Motion {
                 let through = Line::about(t, i, around(t, i));
                 let torque = &torque[stretch.start * n..stretch.end * n];
                 for (j, own) in own.iter_mut().enumerate() {
-                    *own = through.fitted(torque, (j, n));
+                    [*own, _] = through.fitted(torque, (j, n));
                 }
             }
         });

@@ -1,6 +1,9 @@
 //! What gears transmit, and the motion that it is made of, as they are kept of a limb: what was asked for last.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use nalgebra::DMatrix;
+use realfft::RealFftPlanner;
 
 use super::body::LimbBody;
 use super::values::Values;
@@ -15,22 +18,22 @@ pub(super) const MOST_OF_BRISTLES: usize = 250_000;
 pub(crate) struct Load {
     /// Sample by sample, joint by joint, N m.
     pub(super) torque: Vec<f64>,
-    /// What of it is motion, and no noise of it ([`Motion::filtered_torque`](super::motion::Motion)), N m. Nothing where no link may move.
-    pub(super) filtered: Vec<f64>,
     /// What it is in the mean from the sample before each to it beyond the mean of both, N m ([`Motion::beyond_samples`](super::motion::Motion)). Nothing
     /// where no link may move.
     pub(super) beyond: Vec<f64>,
-    /// Its value and slope by the straight line that smooths it, N m and N m/s.
-    pub(super) line: Vec<[f64; 2]>,
     /// The inertia that each joint turns, kg m²; sample by sample, joint by joint. Nothing where no link may move.
     pub(super) inertia: Vec<f64>,
-}
-
-impl Load {
-    /// What a joint's gear transmits at a sample by the straight line that smooths it, N m; of so many joints.
-    pub(crate) fn smooth(&self, sample: usize, joint: usize, joints: usize) -> f64 {
-        self.line[sample * joints + joint][0]
-    }
+    /// The inertia matrix, the mean over some poses, kg m². Nothing where no link may move.
+    pub(super) usual: DMatrix<f64>,
+    /// The motors' motion that it is made of, and the samples that were asked for.
+    pub(super) motors: Arc<Vec<Trajectory>>,
+    pub(super) asked: Vec<bool>,
+    // Each costs as much as the load itself. Filters are for joints whose links move, straight lines for effects that see the load: each is made when it
+    // is asked for.
+    /// Of each joint, [`Motion::filtered`](super::motion::Motion).
+    pub(super) filtered: Vec<OnceLock<Vec<f64>>>,
+    /// [`Motion::smooth`](super::motion::Motion).
+    pub(super) smooth: OnceLock<Vec<f64>>,
 }
 
 /// Of what a load is: bits of the bodies' numbers, of the base's tilt, of the encoders' offsets and of the delay.
@@ -53,6 +56,8 @@ pub(crate) struct Loads {
     loads: Mutex<Vec<(Key, Arc<Load>)>>,
     pub(super) late: Mutex<Option<(f64, Arc<Vec<Trajectory>>)>>,
     pub(super) bristles: Mutex<Vec<(Bristles, Arc<Vec<f64>>)>>,
+    /// Plans of the transforms that filter loads: a plan takes as long as a transform, and all loads are of the same lengths.
+    pub(super) plans: Mutex<RealFftPlanner<f64>>,
 }
 
 /// Which bristles' impulse is kept: bits of the delay and of their displacement, and the joint.

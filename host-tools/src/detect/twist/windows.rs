@@ -41,7 +41,8 @@ impl Windows {
             .map(|(motor, link)| motor[0] - link[0])
             .collect();
         let load = motion.load(&data.body, values, (false, 0.0));
-        let torque = |k: usize| load.smooth(k, joint, data.joints());
+        let smooth = motion.smooth(&load);
+        let torque = |k: usize| smooth[k * data.joints() + joint];
         let chosen: Vec<usize> = (0..motion.windows.len())
             .filter(|w| !data.left_out[*w])
             .collect();
