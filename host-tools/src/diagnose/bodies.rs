@@ -202,6 +202,10 @@ fn free_end<'a>(data: &'a [LimbData<'a>], found: &Found<Limbs>) -> Option<Fits<'
 /// Lets go of the bodies that the search has held nearer to the CAD where that leaves noise alone: the models after each step as `identify` would fit the same
 /// effects, with the shapes that the search has found.
 pub(super) fn let_go<'a>(data: &'a [LimbData<'a>], found: &mut Found<Limbs<'a>>) {
+    // Where none is held, the model with what is held let go of is the one at the end.
+    if !found.end.fits.iter().any(|fit| is_held(fit)) {
+        return;
+    }
     let end = free_end(data, found);
     let Some((fits, squares)) = end.filter(|(fits, _)| fits.iter().any(is_released)) else {
         return;
