@@ -179,7 +179,7 @@ pub const CORRECT_THE_LOG: &str = "correct the log";
 pub const TOO_SHORT: &str = "better 20 s of motion; several logs may be given at once";
 
 /// The hint for logs in which no joint moves.
-pub const AT_REST: &str = "record the joints moving, slowly and fast; leave out a log at rest";
+pub const AT_REST: &str = "record the joints moving, slowly and fast, and leave out a log at rest; if the positions move, the velocity columns are at rest: write the derivative of the position as `dq/`";
 
 /// The hint for logs that cannot be used.
 pub fn of_recording(error: &RecordingError) -> String {

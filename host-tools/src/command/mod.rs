@@ -132,8 +132,8 @@ fn every_window_words(
 
 /// What your robot's body really is, and what the model of it is still missing.
 ///
-/// proprio identifies a Unitree Go2's dynamics (masses, inertias, friction, rotor inertia) from its motor bus,
-/// and of any robot on a fixed base from its URDF and a log.
+/// proprio identifies the dynamics (masses, inertias, friction, rotor inertia) of a Unitree Go2 from its motor bus, and of any
+/// robot from its URDF and a log: on a fixed base, or on its feet.
 #[derive(Debug, Parser)]
 #[command(
     name = "proprio",

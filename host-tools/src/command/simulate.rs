@@ -126,7 +126,7 @@ pub(crate) struct Simulate {
     /// Share of samples that repeat the one before
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 0.9))]
     repeats: f64,
-    /// Seed of the reference and of the noise
+    /// Seed of the reference, of the noise and of the bodies of --inertia-error
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object

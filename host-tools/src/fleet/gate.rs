@@ -102,7 +102,7 @@ pub enum Fault {
         what: &'static str,
     },
     /// The block is there already.
-    #[error("{block}: there already: counted once")]
+    #[error("{block}: there already")]
     Duplicate {
         /// Which block.
         block: String,

@@ -150,7 +150,7 @@ impl CalibrateError {
             }
             Self::Degrees { .. } => "multiply the q/ columns by π/180 = 0.0174533",
             Self::JointOrder { .. } => {
-                "rename the columns accordingly, or correct signs in the file or axes in the URDF"
+                "rename the columns accordingly, or correct signs in the file or axes in the URDF; places in a left-handed frame (two columns exchanged, or one of the opposite sign) look alike"
             }
             Self::Unrelated { .. } => {
                 "check that the URDF is this robot's, and in which frame the targets were measured"

@@ -52,7 +52,7 @@ impl Calibration {
             )
         } else if steps.is_empty() {
             format!(
-                "Nothing is missing. Held-out error {} mm over {} poses",
+                "No effect of the catalogue gains. Held-out error {} mm over {} poses",
                 mm(last),
                 self.poses
             )

@@ -27,7 +27,7 @@ pub fn of_asked(error: &AskedError) -> Option<String> {
             "`proprio diagnose --free-base LOG -m MODEL --apply` finds it on a walk and adds it there"
                 .to_owned(),
         ),
-        AskedError::Formula(_) => Some("docs/effects.md has ten formulas to begin with".to_owned()),
+        AskedError::Formula(_) => Some("each name but q, dq, ddq, tau_rigid, temp and t is a parameter; docs/effects.md has ten formulas to begin with".to_owned()),
         AskedError::Register(_) => {
             Some("give it a name of its own: `NAME = JOINT: FORMULA`".to_owned())
         }

@@ -26,9 +26,9 @@ pub(crate) fn words(limbs: &[(String, LeftOut)], unjudged: bool) -> Vec<String> 
     }
     if limbs.len() > 1 {
         words.push(
-            "more than one leg carries a force: the robot stands or walks, and its base moves, which this model takes as pinned. \
-             Stance cannot be modelled without an IMU's data, and effects found in swing may be the base's motion: \
-             confirm them with the robot hung in the air"
+            "more than one leg carries a force: the robot stands or walks, and its base moves, which this model takes as fixed. \
+             Effects found in swing may be the base's motion: with an IMU's data use --free-base, else confirm them with the robot \
+             suspended"
                 .to_owned(),
         );
     }

@@ -113,7 +113,7 @@ impl fmt::Display for MismatchKind {
                 write!(
                     f,
                     "the base is mounted otherwise: gravity is {:.1}° from where the model has it; in the model file: [base], \
-                     rpy = [{roll}, {pitch}, {yaw}] (nothing tells the yaw){}",
+                     rpy = [{roll}, {pitch}, {yaw}] (yaw is not identifiable){}",
                     angle.to_degrees(),
                     if self.refuses() {
                         ""
