@@ -263,6 +263,30 @@ pub fn finish_on_interrupt() {
     FINISHES.store(true, Ordering::Relaxed);
 }
 
+/// How long a search may go on after a request to terminate: with the motion written after it, less than the second that whoever asks waits.
+#[cfg(unix)]
+const GRACE: std::time::Duration = std::time::Duration::from_millis(700);
+
+/// As [`finish_on_interrupt`], for a search that may have nothing to keep yet: a request to terminate (SIGTERM) ends the process after
+/// 0.7 s even so, and no file stays. Ctrl-C is by hand, and may be pressed twice.
+pub fn finish_search_on_interrupt() {
+    finish_on_interrupt();
+    #[cfg(unix)]
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM]) {
+        std::thread::spawn(move || {
+            if signals.forever().next().is_some() {
+                std::thread::sleep(GRACE);
+                end();
+            }
+        });
+    }
+}
+
+/// A search is over: from now on Ctrl-C ends the process again, for what is half written is of no use.
+pub fn end_on_interrupt() {
+    FINISHES.store(false, Ordering::Relaxed);
+}
+
 /// Whether Ctrl-C was pressed since [`finish_on_interrupt`].
 pub fn asked_to_finish() -> bool {
     ASKED.load(Ordering::Relaxed)
@@ -278,19 +302,24 @@ pub fn remove_on_interrupt() -> Result<(), ctrlc::Error> {
         if FINISHES.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
             return;
         }
-        // Held until the process has ended, so that no new file comes after the sweep.
-        let open = open_files();
-        for path in open.iter() {
-            // It may be gone, or renamed, by now: both are fine.
-            let _ = fs::remove_file(path);
-        }
-        std::process::exit(130);
+        end();
     });
     match installed {
         // A process that runs several commands has it already.
         Err(ctrlc::Error::MultipleHandlers) => Ok(()),
         installed => installed,
     }
+}
+
+/// Removes unfinished files and ends the process.
+fn end() -> ! {
+    // Held until the process has ended, so that no new file comes after the sweep.
+    let open = open_files();
+    for path in open.iter() {
+        // It may be gone, or renamed, by now: both are fine.
+        let _ = fs::remove_file(path);
+    }
+    std::process::exit(130);
 }
 
 fn open_files() -> std::sync::MutexGuard<'static, Vec<PathBuf>> {

@@ -74,6 +74,43 @@ fn what_cannot_be_judged_is_refused_with_the_fix() {
     insta::assert_snapshot!(texts);
 }
 
+#[test]
+fn a_log_that_freezes_is_refused_with_how_much_of_it_repeats() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let arguments = ["--duration", "6", "-o", "log.csv"];
+    simulate(folder, &arguments);
+    let text = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let mut frozen = String::new();
+    let (mut rows, mut last) = (0, "");
+    for line in text.lines() {
+        match line.split_once(',') {
+            Some((t, rest)) if t.parse::<f64>().is_ok() => {
+                rows += 1;
+                if rows <= 1500 {
+                    last = rest;
+                }
+                frozen += &format!(
+                    "{t},{last}
+"
+                );
+            }
+            _ => {
+                frozen += &format!(
+                    "{line}
+"
+                )
+            }
+        }
+    }
+    fs::write(folder.join("log.csv"), frozen).unwrap();
+    let refused = refused(folder, &["diagnose", "log.csv"]);
+    assert!(
+        refused.contains("samples repeat the one before and do not count"),
+        "{refused}"
+    );
+}
+
 /// A joint that never moves is named first, and nothing is claimed of it.
 #[test]
 fn a_joint_that_never_moves_is_named() {

@@ -86,6 +86,11 @@ fn changes(log: &Cells) -> Vec<(&'static str, Cells, &'static str)> {
             "the torque of FL_calf is zero",
         ),
         (
+            "placeholder",
+            torques(log, "FL_calf", |_, _| 1.5),
+            "the torque of FL_calf is 1.5 N m whenever the joint moves",
+        ),
+        (
             "rotor side",
             torques(log, "", |n, at| at(n) / 9.0),
             "times the model's at all joints: it is to be in N m",

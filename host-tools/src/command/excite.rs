@@ -28,6 +28,16 @@ use crate::progress::Progress;
 /// Greatest feedback gain that is written, N m/rad or N m s/rad: with a tenth of it a Go2's joint is stiff.
 const MOST_GAIN: f64 = 500.0;
 
+/// Least and greatest length of a motion and of its period, s: a tenth of a second is a few waves of 30 Hz, and an hour of motion is more
+/// than any joint's parameters need (its file has 1.8 million rows).
+const LENGTHS: (f64, f64) = (0.1, 3600.0);
+
+/// Most waves of a series: of the usual period of 3.3 s the fastest has 30 Hz, where a joint within 30 rad/s goes 0.16 rad to either side.
+const MOST_HARMONICS: i64 = 100;
+
+/// Most starts of a search per leg, all drawn before it begins: of three joints and most waves a start is 4.8 kB, all of them half a gigabyte.
+const MOST_STARTS: i64 = 100_000;
+
 /// Design a motion that excites what can be identified, within the robot's limits
 ///
 /// Each joint follows a Fourier series that begins and ends at rest in one pose. Limits of position, velocity, acceleration,
@@ -55,15 +65,15 @@ pub(crate) struct Excite {
     #[arg(long, value_name = "LEGS", value_delimiter = ',')]
     legs: Vec<String>,
     /// Length, s
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = super::simulate::within(LENGTHS.0, LENGTHS.1))]
     duration: f64,
     /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to separate a payload
     /// from armature, the duration; of --frf, 4]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = super::simulate::within(LENGTHS.0, LENGTHS.1))]
     period: Option<f64>,
     /// Waves of a series: the fastest is this many in a period [default: 10; of the trunk's, 5]
-    #[arg(long, value_name = "N")]
-    harmonics: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=MOST_HARMONICS))]
+    harmonics: Option<u32>,
     /// What the motion is to be good for
     #[arg(long, value_enum, default_value_t = Cost::Condition)]
     cost: Cost,
@@ -109,8 +119,8 @@ pub(crate) struct Excite {
     #[arg(long, value_name = "KD", default_value_t = 1.5, value_parser = super::simulate::within(0.0, MOST_GAIN))]
     kd: f64,
     /// Starts of the search per leg, on all processors
-    #[arg(long, value_name = "N", default_value_t = 16)]
-    starts: usize,
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=MOST_STARTS))]
+    starts: u32,
     /// Seed of the starts: the same gives the same motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -134,7 +144,7 @@ impl Excite {
         }
         let limbs = model.robot().limbs_named(&self.legs)?;
         let settings = self.settings(&model, &limbs)?;
-        output::finish_on_interrupt();
+        output::finish_search_on_interrupt();
         let designs = excite::design(&model, &limbs, &settings, &Shown::new())?;
         let coefficients = self.coefficients();
         let report = Report::new(
@@ -149,6 +159,7 @@ impl Excite {
             let first = report.limbs.iter().flat_map(|limb| &limb.violations).next();
             return Err(Error::NotWithinLimits(first.cloned().unwrap_or_default()));
         }
+        output::end_on_interrupt();
         write_motion(&self.output, |file| {
             write_csv(file, &model, &designs, self.gains())
         })?;
@@ -207,12 +218,12 @@ impl Excite {
             goal,
             duration: self.duration,
             period,
-            harmonics: self.harmonics.unwrap_or(usual.harmonics),
+            harmonics: self.harmonics.map_or(usual.harmonics, |n| n as usize),
             pose: self.pose.clone(),
             margins: self.limits.margins(),
             shapes: self.shapes.as_deref().map(Shapes::read).transpose()?,
             seed: self.seed,
-            starts: self.starts,
+            starts: self.starts as usize,
             ..usual
         })
     }

@@ -18,7 +18,7 @@ use crate::fleet::TableError;
 use crate::free_base::FreeBaseError;
 use crate::kinematics::CalibrateError;
 use crate::live::{LiveError, RestError};
-use crate::log::{LEAST_RATE, LogError, Problem};
+use crate::log::{LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::recording::RecordingError;
@@ -471,6 +471,9 @@ fn of_log(error: &LogError) -> String {
              be in seconds"
                 .to_owned()
         }
+        Problem::TimeUnit { per_second, .. } => {
+            format!("write `t` in seconds: divide it by {per_second}")
+        }
         Problem::TwoPublishers { .. } => {
             "`ros2 topic info -v TOPIC` names the publishers: stop the one that is not the robot, and record again".to_owned()
         }
@@ -478,9 +481,6 @@ fn of_log(error: &LogError) -> String {
             "write `t` with the digits of the recorder's clock: in s, to 0.1 ms or better".to_owned()
         }
         Problem::TooShort { .. } => "record at least some seconds of motion".to_owned(),
-        Problem::TooSlow { rate, .. } if *rate < LEAST_RATE / 50.0 => {
-            "`t` must be in seconds: if it is in milliseconds, divide it by 1000".to_owned()
-        }
         Problem::TooSlow { .. } => {
             "record at the robot's own rate; a Go2's is 500 Hz (topic `rt/lowstate`, not `rt/lf/lowstate`)".to_owned()
         }

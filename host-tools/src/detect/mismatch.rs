@@ -36,6 +36,9 @@ const POOR: f64 = 0.9;
 const AS_GOOD: f64 = 1.25;
 /// Torque below this share of the model's own is nothing.
 const NOTHING: f64 = 0.02;
+/// Windows' torques that differ by no more than this share, what means of equal numbers are rounded by, are of one reading: of all windows in
+/// which a joint moves, it is none of a motor's.
+const SAME: f64 = 1e-9;
 /// A factor between torque and model from which the unit is another one, and within which all joints agree on it.
 const OTHER_UNIT: f64 = 5.0;
 const AGREED: f64 = 2.0;
@@ -204,6 +207,16 @@ fn no_torque(readings: &[Reading], model: &Model) -> Option<MismatchKind> {
     };
     if let Some(names) = named(&zero) {
         return Some(MismatchKind::NoTorque(names));
+    }
+    let same = |joint: &JointReading| {
+        let first = *joint.torque.first()?;
+        let is_same = |x: &f64| (x - first).abs() <= SAME * first.abs();
+        let all = joint.torque.iter().all(is_same);
+        all.then(|| (joint.name.clone(), first))
+    };
+    let constant: Vec<(String, f64)> = joints().filter_map(same).collect();
+    if !constant.is_empty() {
+        return Some(MismatchKind::ConstantTorque(constant));
     }
     let times = joints()
         .filter(nothing)

@@ -30,6 +30,13 @@ pub const BRIDGED: f64 = 0.05;
 /// A shorter log, s, has fewer than ten windows of 20 ms.
 pub const LEAST_DURATION: f64 = 0.2;
 
+/// Robots are sampled at these rates, Hz: three decades, so that at most one unit of time gives such a rate.
+const RATES: (f64, f64) = (20.0, 20e3);
+
+/// Stamps this far apart, s, are looked at in other units: 1 kHz in ms is 1 s, less 5 % for jitter. More often than once a second slow logs
+/// in seconds are sampled too.
+const OTHER_UNIT: f64 = 0.95;
+
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;
 
@@ -61,6 +68,25 @@ struct LimitCheck {
     surely_degrees: u64,
     other_way: u64,
     first: Option<(u64, f64)>,
+}
+
+/// The unit other than the second in which stamps so far apart have a robot's rate.
+fn unit_of(period: f64) -> Option<Problem> {
+    if period < OTHER_UNIT {
+        return None;
+    }
+    let units = [("ms", 1e3), ("µs", 1e6), ("ns", 1e9)];
+    let rates = units.map(|(unit, per_second)| (unit, per_second, per_second / period));
+    let mut likely = rates
+        .into_iter()
+        .filter(|(.., rate)| (RATES.0..=RATES.1).contains(rate));
+    let (unit, per_second, rate) = likely.next()?;
+    // At a rate on the border two units are as likely.
+    likely.next().is_none().then_some(Problem::TimeUnit {
+        unit,
+        per_second,
+        rate,
+    })
 }
 
 impl Checks {
@@ -97,6 +123,11 @@ impl Checks {
                     before: self.previous,
                     now,
                 });
+            }
+            // Joined recordings have a period before the jump.
+            let unit = (gap > LONGEST_GAP && self.rows == 1).then(|| unit_of(gap));
+            if let Some(problem) = unit.flatten() {
+                return Err(problem);
             }
             if gap > LONGEST_GAP {
                 return Err(Problem::TimeJump {
@@ -173,10 +204,10 @@ impl Checks {
         // The median is known to 1 %: a log of exactly the least rate passes.
         if let Some(row) = self.first_slow.filter(|_| period * LEAST_RATE > 1.02) {
             let column = columns.cell[TIME].unwrap_or_default();
-            let problem = Problem::TooSlow {
+            let problem = unit_of(period).unwrap_or(Problem::TooSlow {
                 rate: 1.0 / period,
                 least: LEAST_RATE,
-            };
+            });
             let error = error(problem).at(Some(self.place(row)));
             return Err(error.at_column(column, columns.column_name(column)));
         }
@@ -333,5 +364,33 @@ impl Periods {
             2 * seen >= self.total
         });
         SHORTEST * RATIO.powf(bin.unwrap_or(0) as f64 + 0.5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_named_if_it_alone_gives_a_robots_rate() {
+        let unit = |period| match unit_of(period) {
+            Some(Problem::TimeUnit { unit, rate, .. }) => Some((unit, rate.round())),
+            _ => None,
+        };
+        // 1 kHz, 500 Hz and 100 Hz; slow logs in seconds; 20 Hz in ms is 20 kHz in µs as well.
+        let cases = [
+            (1.0, Some(("ms", 1000.0))),
+            (2.0, Some(("ms", 500.0))),
+            (2e3, Some(("µs", 500.0))),
+            (1e7, Some(("ns", 100.0))),
+            (0.002, None),
+            (0.1, None),
+            (0.5, None),
+            (50.0, None),
+            (1e12, None),
+        ];
+        for (period, expected) in cases {
+            assert_eq!(unit(period), expected, "{period} s");
+        }
     }
 }

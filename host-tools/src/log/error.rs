@@ -327,6 +327,16 @@ pub enum Problem {
         /// The last row before it.
         before: Place,
     },
+    /// Stamps that give a robot's rate in another unit than the second.
+    #[error("`t` is not in seconds: its unit looks like {unit}, in which the rate is {rate:.0} Hz")]
+    TimeUnit {
+        /// `ms`, `µs` or `ns`.
+        unit: &'static str,
+        /// How many of it are a second.
+        per_second: f64,
+        /// The sampling rate in that unit, Hz.
+        rate: f64,
+    },
     /// Too few rows to say anything.
     #[error("too short: {rows} sample{}; at least {least} s are needed", if *.rows == 1 { "" } else { "s" })]
     TooShort {

@@ -28,12 +28,14 @@ pub enum RecordingError {
         effort: f64,
     },
     /// There is too little to say anything, or to hold anything out.
-    #[error("{}: too short: {samples} samples, {} s; at least {least} s are needed", names(.logs), significant(*.duration, 3))]
+    #[error("{}: too short: {samples} samples, {} s{}; at least {least} s are needed", names(.logs), significant(*.duration, 3), frozen(*.repeated, *.duration >= *.least))]
     TooShort {
         /// The logs.
         logs: Vec<PathBuf>,
         /// Samples of the logs together.
         samples: u64,
+        /// How many of them repeat the one before, of the limb that has most.
+        repeated: u64,
         /// Length of the logs together, s.
         duration: f64,
         /// What is needed, s.
@@ -94,6 +96,10 @@ impl RecordingError {
                 .iter()
                 .map(|of| of.report.sampling.samples)
                 .sum(),
+            repeated: (recording.limbs.iter())
+                .map(|(_, limb)| limb.repeated)
+                .max()
+                .unwrap_or(0),
             duration: recording.duration,
             least,
         }
@@ -103,6 +109,16 @@ impl RecordingError {
         Self::AtRest {
             logs: recording.logs.clone(),
         }
+    }
+}
+
+/// What of samples that last long enough does not count.
+fn frozen(repeated: u64, is_long: bool) -> String {
+    match repeated {
+        n if is_long && n > 0 => {
+            format!(", but {n} samples repeat the one before and do not count")
+        }
+        _ => String::new(),
     }
 }
 

@@ -129,3 +129,33 @@ fn ctrl_c_keeps_the_best_motion() {
     );
     assert!(folder.path().join("best.csv").exists());
 }
+
+/// Of a hundred waves no motion is within the limits after two seconds: there is nothing to keep.
+#[cfg(unix)]
+#[test]
+fn a_request_to_terminate_ends_a_search_within_a_second() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    let folder = folder();
+    let mut child = Command::new(proprio_tests::command::binary())
+        .args(["excite", "--harmonics", "100", "--duration", "3600"])
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    let pid = child.id().to_string();
+    let asked = Instant::now();
+    let sent = Command::new("kill").args(["-TERM", &pid]).status();
+    assert!(sent.unwrap().success());
+    let status = child.wait().unwrap();
+    assert!(
+        asked.elapsed() < Duration::from_secs(1),
+        "{:?}",
+        asked.elapsed()
+    );
+    assert_eq!(status.code(), Some(130));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}

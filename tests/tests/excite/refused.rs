@@ -58,14 +58,16 @@ fn bad_input_is_named_and_leaves_no_file() {
             1,
             "the share of the speed",
         ),
-        (&["excite", "--duration", "inf"], 1, "the duration"),
+        (&["excite", "--duration", "inf"], 2, "must lie between"),
+        (&["excite", "--duration", "1e9"], 2, "must lie between"),
+        (&["excite", "--harmonics", "3000"], 2, "2..=100"),
         (
             &["excite", "--pose", "FR_calf=nan"],
             1,
             "the pose of FR_calf",
         ),
         (&["excite", "--torque-share", "0.01"], 1, "torque of FR_"),
-        (&["excite", "--starts", "0"], 1, "the number of starts"),
+        (&["excite", "--starts", "0"], 2, "1..=100000"),
         (
             &["excite", "--legs", "FR", "--for", "m:FR_foot"],
             1,
@@ -100,11 +102,7 @@ fn bad_input_is_named_and_leaves_no_file() {
             1,
             "the height above the ground",
         ),
-        (
-            &["excite", "--period", "0"],
-            1,
-            "the period must be a positive number",
-        ),
+        (&["excite", "--period", "0"], 2, "must lie between"),
         (
             &["excite", "--uncertainty", "nan"],
             1,

@@ -43,7 +43,7 @@ struct TrunkReport {
 
 /// Designs, writes and reports a motion over planted feet.
 pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<String, Error> {
-    output::finish_on_interrupt();
+    output::finish_search_on_interrupt();
     let settings = settings(asked);
     let ground = asked.trunk.ground();
     let design = trunk::standing(model, &settings, ground, &Shown::new())?;
@@ -67,6 +67,7 @@ pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<
     if let Some(first) = design.violations.first() {
         return Err(Error::NotWithinLimits(first.clone()));
     }
+    output::end_on_interrupt();
     write_motion(&asked.output, |file| {
         let command = |t| design.command(t);
         write_trunk_csv(file, asked.duration, command, asked.gains())
@@ -86,10 +87,10 @@ fn settings(asked: &Excite) -> Settings {
     Settings {
         duration: asked.duration,
         period: asked.period.unwrap_or_else(usual),
-        harmonics: asked.harmonics.unwrap_or(HARMONICS),
+        harmonics: asked.harmonics.map_or(HARMONICS, |n| n as usize),
         margins: asked.limits.margins(),
         seed: asked.seed,
-        starts: asked.starts,
+        starts: asked.starts as usize,
         ..Settings::default()
     }
 }

@@ -23,6 +23,8 @@ pub struct Mismatch {
 pub enum MismatchKind {
     /// The torque is zero, or next to nothing beside the model's: of these joints, of all if there are none.
     NoTorque(Vec<String>),
+    /// The torque of these joints is the same, N m, whenever they move.
+    ConstantTorque(Vec<(String, f64)>),
     /// The velocity of these joints (of all if none) is so many times that of their positions.
     Velocity {
         /// Which joints.

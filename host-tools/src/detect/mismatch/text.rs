@@ -33,6 +33,16 @@ impl fmt::Display for MismatchKind {
                 "the torque of {} is zero: record the motors' estimate (tau_est), not a command or a placeholder",
                 of(joints)
             ),
+            Self::ConstantTorque(joints) => {
+                let each: Vec<String> = (joints.iter())
+                    .map(|(joint, torque)| format!("{joint} is {} N m", significant(*torque, 3)))
+                    .collect();
+                write!(
+                    f,
+                    "the torque of {} whenever the joint moves: record the motors' estimate (tau_est), not a command or a placeholder",
+                    each.join(", of ")
+                )
+            }
             Self::Velocity { joints, times } => {
                 let is = |unit: f64| (times / unit - 1.0).abs() < 0.05;
                 let units = [
