@@ -258,7 +258,7 @@ fn bad_poses_are_refused_in_words_of_their_own() {
         .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
         .collect();
     type Change = fn(usize, &mut Vec<f64>);
-    let cases: [(&str, Change, &[&str]); 7] = [
+    let cases: [(&str, Change, &[&str]); 11] = [
         (
             "mm",
             |_, row| row[6..].iter_mut().for_each(|x| *x *= 1e3),
@@ -299,6 +299,26 @@ fn bad_poses_are_refused_in_words_of_their_own() {
             },
             &["do not belong together"],
         ),
+        (
+            "no number of a tracker",
+            |n, row| row[6] = if n == 3 { 1e200 } else { row[6] },
+            &["line 5: target target is 1.000e200 m from the middle"],
+        ),
+        (
+            "beyond the robot's reach",
+            |n, row| row[7] += if n == 3 { 20.0 } else { 0.0 },
+            &["line 5: target target is", "the robot's links add up to"],
+        ),
+        (
+            "a target that stands still",
+            |_, row| row[6..].copy_from_slice(&[0.1, 0.2, 0.3]),
+            &["target target is at the same place in all 40 poses"],
+        ),
+        (
+            "a joint that was not recorded",
+            |_, row| row[1] = 0.3,
+            &["`q/A2` is 0.3000 in all poses"],
+        ),
     ];
     let write = |header: &str, rows: &[Vec<f64>]| {
         let lines = rows.iter().map(|row| {
@@ -328,6 +348,28 @@ fn bad_poses_are_refused_in_words_of_their_own() {
         write(&header, &changed);
         refused(name, wanted);
     }
+    for (column, value, wanted) in [
+        ("payload", -5.0, "line 2: a payload of -5 kg"),
+        ("payload", 5e3, "kg; the robot itself has"),
+        ("std/target", 0.0, "deviation of target target is 0.000e0 m"),
+        (
+            "std/target",
+            -1e-4,
+            "deviation of target target is -1.000e-4 m",
+        ),
+        ("side/A1", 0.5, "line 2: `side/A1` is 5.000e-1"),
+    ] {
+        let more: Vec<Vec<f64>> = (rows.iter())
+            .map(|row| [&row[..], &[value]].concat())
+            .collect();
+        write(&format!("{header},{column}"), &more);
+        refused(column, &[wanted]);
+    }
+    write(&header, &vec![rows[0].clone(); 30]);
+    refused(
+        "same",
+        &["30 poses are at 1 different joint positions; 5 are needed"],
+    );
     write(&header, &rows[..6]);
     refused("few", &["parameters are to be found", "stay open"]);
     let twice: Vec<Vec<f64>> = rows
@@ -338,6 +380,26 @@ fn bad_poses_are_refused_in_words_of_their_own() {
     refused("twice", &["targets target and b have the same numbers"]);
     write(&header.replace("q/A2", "q/A9"), &rows);
     refused("name", &["A9"]);
+}
+
+/// A file that holds each pose twice says as much as one that holds it once, with the same standard deviations.
+#[test]
+fn a_pose_that_stands_twice_is_counted_once() {
+    let folder = arm();
+    let folder = folder.path();
+    measured(folder, 30, "1", &hidden(&SOFT));
+    let once = calibrated(folder, &[]);
+    let text = fs::read_to_string(folder.join("poses.csv")).unwrap();
+    let (_, rows) = text.split_once('\n').unwrap();
+    fs::write(folder.join("poses.csv"), format!("{text}{rows}")).unwrap();
+    let twice = calibrated(folder, &[]);
+    assert_eq!(twice["poses"], once["poses"]);
+    assert_eq!(twice["parameters"], once["parameters"]);
+    let warnings = twice["warnings"].to_string();
+    assert!(
+        warnings.contains("30 rows repeat all numbers of an earlier pose"),
+        "{warnings}"
+    );
 }
 
 /// One pose that is wrong by 4 mm is named and left out; all else is found as without it.

@@ -707,6 +707,96 @@ fn bad_logs_are_refused_each_in_its_own_words() {
         [q, tau, if k < 1100 { r } else { 0.0 }]
     });
     refused("2 periods of 1 s");
+    periodic(folder.path(), &odd(), ALL, |_, [q, _, r]| [q, 0.0, r]);
+    refused("`tau/j` is 0.0000 in all rows");
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [q, if k == 1600 { 1e200 } else { tau }, r]
+    });
+    refused("line 1602: `tau/j` is 1.000e200");
+    // Four times the swing in one sample, and a position that is another from there on.
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [if k == 1600 { q + 0.02 } else { q }, tau, r]
+    });
+    refused("`q/j` leaps by");
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [if k >= 1600 { q + 0.02 } else { q }, tau, r]
+    });
+    refused("line 1602: `q/j` leaps by");
+    periodic(folder.path(), &odd(), ALL, |_, x| x);
+    let in_seconds = fs::read_to_string(folder.path().join("log.csv")).unwrap();
+    for (unit, factor) in [("ms", 1e3), ("µs", 1e6), ("ns", 1e9)] {
+        let mut text = String::new();
+        for line in in_seconds.lines() {
+            let (t, rest) = line.split_once(',').unwrap();
+            let t = t.parse::<f64>().map(|t| (factor * t).to_string());
+            let _ = writeln!(text, "{},{rest}", t.unwrap_or_else(|_| "t".to_owned()));
+        }
+        fs::write(folder.path().join("log.csv"), text).unwrap();
+        refused(&format!("in {unit} `t` gives 500.0"));
+    }
+}
+
+/// Two equal masses with a spring between them, antiresonance at 20 Hz: the first one's position under [`periodic`]'s torque after `k` samples.
+fn two_masses(k: usize) -> f64 {
+    let stiffness = (std::f64::consts::TAU * 20.0).powi(2);
+    let damping = 0.02 * stiffness.sqrt();
+    let sine = |line: usize| {
+        let omega = std::f64::consts::TAU * line as f64;
+        let square = omega * omega;
+        let above = [stiffness - square, damping * omega];
+        let below = [
+            square * (square - 2.0 * stiffness),
+            -2.0 * square * damping * omega,
+        ];
+        let size = below[0] * below[0] + below[1] * below[1];
+        let real = (above[0] * below[0] + above[1] * below[1]) / size;
+        let imaginary = (above[1] * below[0] - above[0] * below[1]) / size;
+        let angle = omega * k as f64 / 500.0 + (line * line) as f64;
+        real * angle.sin() + imaginary * angle.cos()
+    };
+    odd().into_iter().map(sine).sum()
+}
+
+/// Of a bench whose spring is found each wrong column is refused: torque of the other sign, by its cause; exchanged columns and a delay, by the error
+/// that is left.
+#[test]
+fn responses_that_no_spring_explains_are_refused() {
+    const ALL: &str = "q/j,tau/j,ref/j";
+    let folder = folder();
+    let folder = folder.path();
+    let words = ["frf", "log.csv", "--json", "-o", "responses.csv"];
+    periodic(folder, &odd(), ALL, |k, [_, tau, r]| {
+        [two_masses(k), tau, r]
+    });
+    let found = json(&done(folder, &words));
+    let antiresonance = number(&found["modes"][0]["antiresonance"]["value"]);
+    assert!((antiresonance - 20.0).abs() < 0.1, "{antiresonance} Hz");
+    fs::remove_file(folder.join("responses.csv")).unwrap();
+    type Change = fn(usize, [f64; 3]) -> [f64; 3];
+    let cases: [(Change, &str); 3] = [
+        (
+            |k, [_, tau, r]| [two_masses(k), -tau, r],
+            "torque and position have opposite signs",
+        ),
+        (
+            |k, [_, tau, r]| [tau, two_masses(k), r],
+            "no elastic model fits the responses",
+        ),
+        (
+            // A whole period later, so that no sample lies before the first.
+            |k, [_, tau, r]| [two_masses(k + 490), tau, r],
+            "no elastic model fits the responses",
+        ),
+    ];
+    for (change, what) in cases {
+        periodic(folder, &odd(), ALL, change);
+        let message = refusal(folder, &words);
+        assert!(
+            message.contains(what) && message.contains("\nhint: "),
+            "{what}: {message}"
+        );
+        assert!(!folder.join("responses.csv").exists(), "{what}");
+    }
 }
 
 /// Without a reference the torque's own period serves, and current for torque: both are said.

@@ -125,6 +125,13 @@ impl Chain {
         self.links[joint].slides
     }
 
+    /// The lengths of all links between the base and a body, m: how far its frame can be from the base without what slides.
+    pub(super) fn reach(&self, body: Option<usize>) -> f64 {
+        let path = self.path(body).into_iter();
+        path.map(|joint| self.links[joint].placement.translation.norm())
+            .sum()
+    }
+
     /// The joint that carries another.
     pub(super) fn parent(&self, joint: usize) -> Option<usize> {
         self.links[joint].parent

@@ -91,6 +91,58 @@ pub enum CalibrateError {
         /// How many poses both have.
         poses: usize,
     },
+    /// Places that the robot cannot reach from where the others are.
+    #[error(
+        "{pose}: target {target} is {distance:.3e} m from the middle of the places; half of them are within {half:.3} m, and the robot's links add up to {reach:.3} m{more}"
+    )]
+    FarPlace {
+        /// The first such pose.
+        pose: String,
+        /// Its target.
+        target: String,
+        /// How far, m.
+        distance: f64,
+        /// Median of all distances, m.
+        half: f64,
+        /// Sum of the links' lengths, m.
+        reach: f64,
+        /// How many other places are so: a clause, or nothing.
+        more: String,
+    },
+    /// A target stands still while the joints that carry it move.
+    #[error(
+        "target {target} is at the same place in all {poses} poses, but the joints that carry it move"
+    )]
+    StillTarget {
+        /// The target.
+        target: String,
+        /// In how many poses.
+        poses: usize,
+    },
+    /// A joint's column that does not change, and poses that do not fit.
+    #[error(
+        "`q/{joint}` is {q:.4} in all poses; with the best mount the error is {error:.1} mm where the targets move by {spread:.1} mm"
+    )]
+    ConstantJoint {
+        /// The joint.
+        joint: String,
+        /// Its position, rad or m.
+        q: f64,
+        /// Error with the best mount, mm.
+        error: f64,
+        /// Root mean square of the places about their mean, mm.
+        spread: f64,
+    },
+    /// The robot stood at too few positions.
+    #[error("{poses} poses are at {different} different joint positions; {needed} are needed")]
+    SamePoses {
+        /// Rows read.
+        poses: usize,
+        /// Different ones.
+        different: usize,
+        /// Needed.
+        needed: usize,
+    },
     /// A target or the measuring system moved between two poses.
     #[error(
         "{what} moved by {by:.2} mm between {before} and {after}: the held-out error is {error:.3} mm, {split:.3} mm with the move"
@@ -157,6 +209,18 @@ impl CalibrateError {
             }
             Self::SameTargets { .. } => {
                 "delete the columns of one of them: the same numbers twice are no further measurement"
+            }
+            Self::FarPlace { .. } => {
+                "correct the line, or delete it; a target that was not seen has empty cells"
+            }
+            Self::StillTarget { .. } => {
+                "check that the tracker follows the target and that each row has its own place"
+            }
+            Self::ConstantJoint { .. } => {
+                "record the joint's position at each pose; if it is locked, check where"
+            }
+            Self::SamePoses { .. } => {
+                "measure at different joint positions (`proprio excite --poses 30 -m MODEL` chooses them)"
             }
             Self::Moved { .. } => {
                 "calibrate the poses before and after separately, or name the target differently from there on"

@@ -5,6 +5,7 @@ use super::error::CalibrateError;
 use super::poses::{Pose, Poses};
 use super::start;
 use crate::model::Model;
+use crate::robust::median;
 
 /// A mount's error beyond this share of how far the targets move asks for a cause: uncalibrated robots miss by less than 1 % of their reach
 /// (Mooring, Roth & Driels 1991), a wrong column by more than a tenth.
@@ -19,6 +20,12 @@ const ALL_ORDERS: usize = 6;
 const ALL_SIGNS: usize = 8;
 /// Two targets nearer than this in all poses, m, are the same numbers.
 const SAME: f64 = 1e-9;
+/// A place is no measurement of this robot if it is farther from the middle of all places than so many times the links' lengths and the
+/// median distance together. Two places of a target are within twice its greatest distance from the base, which is the links' lengths and what
+/// holds the target; three leaves half as much again for that. Places in mm are far apart all alike, and stay for the test of units.
+const FAR: f64 = 3.0;
+/// Joint positions nearer than this, rad or m, are the same: encoders' noise and a brake's play are below.
+const SAME_POSITION: f64 = 1e-4;
 /// Units that lengths come in, and how many m they are.
 const UNITS: [(&str, f64); 3] = [("mm", 1e-3), ("cm", 1e-2), ("inches", 0.0254)];
 
@@ -30,6 +37,8 @@ pub(super) fn check(
     model: &Model,
 ) -> Result<(State, f64), CalibrateError> {
     same_targets(poses)?;
+    far_places(chain, state, poses)?;
+    still_targets(chain, state, poses)?;
     let all: Vec<(usize, &Pose)> = poses.poses.iter().enumerate().collect();
     let (started, error) = start::fit(chain, state, &all);
     let spread = spread(poses);
@@ -76,6 +85,17 @@ pub(super) fn check(
             after: mm(after),
         });
     }
+    let carrying = (state.targets.iter()).flat_map(|target| chain.path(target.body));
+    let mut constant =
+        carrying.filter(|joint| poses.joints.contains(joint) && !moves(poses, *joint));
+    if let Some(joint) = constant.next() {
+        return Err(CalibrateError::ConstantJoint {
+            joint: model.joint_name(joint).to_owned(),
+            q: poses.poses[0].q[joint],
+            error: mm(error),
+            spread: mm(spread),
+        });
+    }
     if error > UNRELATED * spread {
         return Err(CalibrateError::Unrelated {
             error: mm(error),
@@ -83,6 +103,97 @@ pub(super) fn check(
         });
     }
     Ok((started, error))
+}
+
+/// Refuses poses of fewer than `needed` different joint positions.
+pub(super) fn different(poses: &Poses, needed: usize) -> Result<(), CalibrateError> {
+    let mut found: Vec<&Pose> = Vec::with_capacity(needed);
+    for pose in &poses.poses {
+        let is_new = found
+            .iter()
+            .all(|other| (pose.q.iter().zip(&other.q)).any(|(a, b)| (a - b).abs() > SAME_POSITION));
+        if is_new {
+            found.push(pose);
+        }
+        if found.len() == needed {
+            return Ok(());
+        }
+    }
+    Err(CalibrateError::SamePoses {
+        poses: poses.count(),
+        different: found.len(),
+        needed,
+    })
+}
+
+/// Whether a joint's recorded position changes from pose to pose.
+fn moves(poses: &Poses, joint: usize) -> bool {
+    let mut all = poses.poses.iter().map(|pose| pose.q[joint]);
+    let first = all.next().unwrap_or(0.0);
+    all.any(|q| (q - first).abs() > SAME_POSITION)
+}
+
+/// Refuses places out of the robot's reach: one alone would rule every fit.
+fn far_places(chain: &Chain, state: &State, poses: &Poses) -> Result<(), CalibrateError> {
+    for (t, name) in poses.targets.iter().enumerate() {
+        let places = || {
+            let all = poses.poses.iter().enumerate();
+            all.filter_map(|(n, pose)| Some((n, pose.measured[t].as_ref()?.place)))
+        };
+        let middle = |axis: usize| median(places().map(|(_, place)| place[axis])).unwrap_or(0.0);
+        let middle = nalgebra::Vector3::from([0, 1, 2].map(middle));
+        // The largest coordinate bounds the distance and cannot overflow.
+        let distance = |place: nalgebra::Vector3<f64>| (place - middle).amax();
+        let half = median(places().map(|(_, place)| distance(place))).unwrap_or(0.0);
+        let body = state.targets[t].body;
+        let slides = chain
+            .path(body)
+            .into_iter()
+            .filter(|&joint| chain.slides(joint));
+        let farthest = |joint: usize| {
+            (poses.poses.iter()).fold(0.0, |most: f64, pose| most.max(pose.q[joint].abs()))
+        };
+        let reach = chain.reach(body) + slides.map(farthest).sum::<f64>();
+        let is_far =
+            |(_, place): &(usize, nalgebra::Vector3<f64>)| distance(*place) > FAR * (reach + half);
+        let mut far = places().filter(is_far);
+        let Some((pose, place)) = far.next() else {
+            continue;
+        };
+        return Err(CalibrateError::FarPlace {
+            pose: poses.called(pose),
+            target: name.clone(),
+            distance: distance(place),
+            half,
+            reach,
+            more: match far.count() {
+                0 => String::new(),
+                n => format!("; {n} further places are as far"),
+            },
+        });
+    }
+    Ok(())
+}
+
+/// Refuses a target whose place does not change though joints that carry it move.
+fn still_targets(chain: &Chain, state: &State, poses: &Poses) -> Result<(), CalibrateError> {
+    for (t, name) in poses.targets.iter().enumerate() {
+        let mut places =
+            (poses.poses.iter()).filter_map(|pose| Some(pose.measured[t].as_ref()?.place));
+        let Some(first) = places.next() else {
+            continue;
+        };
+        let rest: Vec<_> = places.collect();
+        let path = chain.path(state.targets[t].body);
+        let carried = path.iter().any(|&joint| moves(poses, joint));
+        if carried && !rest.is_empty() && rest.iter().all(|place| (place - first).norm() < SAME) {
+            return Err(CalibrateError::StillTarget {
+                target: name.clone(),
+                poses: rest.len() + 1,
+            });
+        }
+    }
+    Ok(())
 }
 
 fn same_targets(poses: &Poses) -> Result<(), CalibrateError> {

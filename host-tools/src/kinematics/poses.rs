@@ -12,7 +12,7 @@ use proprio_core::spatial::Transform;
 
 use super::error::CalibrateError;
 use crate::log::{Need, Place, file_columns, read_numbers};
-use crate::model::{Model, Robot, UnknownName};
+use crate::model::{BASE, Model, Robot, UnknownName};
 
 /// How far a quaternion's length may be from 1.
 const QUATERNION_ROUNDING: f64 = 0.02;
@@ -45,6 +45,24 @@ pub(super) struct Measured {
     pub(super) orientation: Option<Matrix3<f64>>,
     /// Standard deviation of the place as stated, m.
     pub(super) std: Option<f64>,
+}
+
+impl Pose {
+    /// All its numbers, bit by bit; the side is no measurement, of a copied line it says that the robot stood still.
+    fn bits(&self) -> Vec<u64> {
+        let mut bits: Vec<u64> = (self.q.iter().chain([&self.payload]))
+            .map(|x| x.to_bits())
+            .collect();
+        for (target, own) in self.measured.iter().enumerate() {
+            let Some(own) = own else { continue };
+            // Its number keeps the numbers of two targets apart.
+            bits.push(target as u64);
+            let turned = own.orientation.iter().flat_map(|turn| turn.iter());
+            let numbers = own.place.iter().chain(turned).chain(&own.std);
+            bits.extend(numbers.map(|x| x.to_bits()));
+        }
+        bits
+    }
 }
 
 /// Poses of one robot.
@@ -316,6 +334,8 @@ impl Poses {
             Ok(found.cells())
         })?;
         let cells: Vec<usize> = found.cells().iter().map(|(cell, _)| *cell).collect();
+        let bodies = (0..robot.bodies().len()).chain([BASE]);
+        let own_mass: f64 = bodies.map(|body| model.inertia(body).0[0]).sum();
         let mut poses: Vec<Pose> = Vec::with_capacity(table.count());
         for (n, row) in table.rows().enumerate() {
             let value = |cell: usize| {
@@ -328,21 +348,24 @@ impl Poses {
                 place: table.place(n),
                 q: vec![0.0; joints],
                 side: vec![0.0; joints],
-                payload: found
-                    .payload
-                    .map(value)
-                    .filter(|x| x.is_finite())
-                    .unwrap_or(0.0),
+                payload: 0.0,
                 measured: Vec::with_capacity(found.targets.len()),
             };
+            let place = pose.place;
+            let wrong = |what: String| CalibrateError::Row {
+                path: path.to_owned(),
+                place,
+                what,
+            };
+            if let Some(cell) = found.payload {
+                pose.payload = payload(value(cell), own_mass).map_err(wrong)?;
+            }
             for &(joint, cell) in &found.joints {
                 pose.q[joint] = value(cell);
             }
             for &(joint, cell) in &found.sides {
-                pose.side[joint] = match value(cell) {
-                    side if side.is_finite() && side != 0.0 => side.signum(),
-                    _ => 0.0,
-                };
+                let name = &robot.bodies()[joint].name;
+                pose.side[joint] = side(value(cell), name).map_err(wrong)?;
             }
             if let (true, Some(_), Some(before)) = (found.sides.is_empty(), found.t, poses.last()) {
                 for &(joint, _) in &found.joints {
@@ -355,11 +378,7 @@ impl Poses {
                 }
             }
             for target in &found.targets {
-                let measured = measured(target, value).map_err(|what| CalibrateError::Row {
-                    path: path.to_owned(),
-                    place: pose.place,
-                    what,
-                })?;
+                let measured = measured(target, value).map_err(wrong)?;
                 pose.measured.push(measured);
             }
             poses.push(pose);
@@ -375,6 +394,16 @@ impl Poses {
             has_sides: !found.sides.is_empty() || found.t.is_some(),
             poses,
         })
+    }
+
+    /// The poses without those that repeat all numbers of an earlier one, and how many these are: a line copied is no second measurement,
+    /// which would differ by its noise.
+    pub(super) fn once(&self) -> (Self, usize) {
+        let mut seen = std::collections::HashSet::new();
+        let mut once = self.clone();
+        once.poses.retain(|pose| seen.insert(pose.bits()));
+        let repeated = self.count() - once.count();
+        (once, repeated)
     }
 
     /// How many poses there are.
@@ -443,6 +472,36 @@ pub(super) struct Carrier {
     pub(super) placement: Transform<f64>,
 }
 
+/// A payload, kg; an empty cell is none. More than the robot itself weighs no arm holds at its flange: the unit is g, or the column another.
+fn payload(value: f64, own_mass: f64) -> Result<f64, String> {
+    if value.is_nan() {
+        return Ok(0.0);
+    }
+    if value < 0.0 || value.is_infinite() {
+        return Err(format!("a payload of {value} kg"));
+    }
+    // A description without masses says nothing of what the robot holds.
+    if own_mass > 0.0 && value > own_mass {
+        return Err(format!(
+            "a payload of {value:.3e} kg; the robot itself has {own_mass:.1} kg"
+        ));
+    }
+    Ok(value)
+}
+
+/// From which side a joint came; an empty cell does not say.
+fn side(value: f64, joint: &str) -> Result<f64, String> {
+    if value.is_nan() {
+        Ok(0.0)
+    } else if [-1.0, 0.0, 1.0].contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!(
+            "`side/{joint}` is {value:.3e}; it is 1 (moving up), -1 (moving down) or 0"
+        ))
+    }
+}
+
 /// What a row says of a target; none where it was not seen.
 fn measured(
     target: &TargetColumns,
@@ -480,7 +539,14 @@ fn measured(
     } else {
         None
     };
-    let std = target.std.map(&value).filter(|std| *std > 0.0);
+    // An empty cell states none.
+    let std = target.std.map(&value).filter(|std| !std.is_nan());
+    if let Some(std) = std.filter(|std| *std <= 0.0 || std.is_infinite()) {
+        return Err(format!(
+            "the standard deviation of target {} is {std:.3e} m; it is above 0",
+            target.name
+        ));
+    }
     Ok(Some(Measured {
         place,
         orientation,

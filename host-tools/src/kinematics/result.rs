@@ -164,7 +164,17 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let chain = Chain::new(model);
     let (nominal, links) = nominal(poses, model)?;
+    let (once, repeated) = poses.once();
+    if poses.count() >= LEAST_POSES {
+        gates::different(poses, LEAST_POSES)?;
+    }
+    let poses = &once;
     let mut warnings = not_recorded(&chain, poses, model, &nominal);
+    if repeated > 0 {
+        warnings.push(format!(
+            "{repeated} rows repeat all numbers of an earlier pose: each pose is counted once"
+        ));
+    }
     if poses.count() < LEAST_POSES {
         let used: Vec<_> = poses.poses.iter().enumerate().collect();
         let needed = start::columns(&nominal, &used).len();

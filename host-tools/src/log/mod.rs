@@ -68,6 +68,7 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
+pub(crate) use admission::NO_MEASUREMENT;
 pub use channel::Channel;
 pub use checks::{
     BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods,

@@ -41,6 +41,74 @@ pub enum FrfError {
         /// The median of all, s.
         dt: f64,
     },
+    /// No controller of a robot samples at such a rate: time is in another unit.
+    #[error("{}: by `t` there are {hertz:.3e} samples a second, where 20 to 5e4 are usual{unit}", .path.display())]
+    TimeUnit {
+        /// The file.
+        path: PathBuf,
+        /// The rate that `t` says, Hz.
+        hertz: f64,
+        /// The unit that explains it: a clause, or nothing.
+        unit: String,
+    },
+    /// A torque that does not change.
+    #[error("{}: `{column}` is {value:.4} in all rows", .path.display())]
+    Constant {
+        /// The file.
+        path: PathBuf,
+        /// Its column.
+        column: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
+    /// A value that no robot has, or that is many times any other of its column.
+    #[error("{}, {place}: `{column}` is {value:.3e}; all other rows have {others:.3e} at most", .path.display())]
+    Impossible {
+        /// The file.
+        path: PathBuf,
+        /// The sample.
+        place: Place,
+        /// Its column.
+        column: String,
+        /// The value, in its unit.
+        value: f64,
+        /// The greatest size but for the rows beside.
+        others: f64,
+    },
+    /// A position that leaps.
+    #[error("{}, {place}: `q/{joint}` leaps by {by:.3e}; 99 % of the steps from sample to sample are below {usual:.3e}", .path.display())]
+    Leaps {
+        /// The file.
+        path: PathBuf,
+        /// The sample.
+        place: Place,
+        /// The joint.
+        joint: String,
+        /// How far, rad or m.
+        by: f64,
+        /// What most steps are below, rad or m.
+        usual: f64,
+    },
+    /// Torque and position count against each other: tested by a fit with the sign turned.
+    #[error(
+        "torque and position have opposite signs: with one of them turned the held-out error falls from {before:.2} to {after:.2} (log magnitude)"
+    )]
+    Sign {
+        /// Held-out error of the springs as the logs are.
+        before: f64,
+        /// With the sign turned.
+        after: f64,
+    },
+    /// The fit leaves more than springs explain.
+    #[error(
+        "no elastic model fits the responses: the held-out error is {error:.2} with springs, where the scatter explains {floor:.3} (log magnitude)"
+    )]
+    Misfit {
+        /// Held-out error.
+        error: f64,
+        /// What the scatter explains of it.
+        floor: f64,
+    },
     /// A cell that holds no finite number.
     #[error("{}, {place}: a value is not finite", .path.display())]
     NotFinite {
@@ -201,6 +269,17 @@ impl FrfError {
             }
             Self::Uneven { .. } => {
                 "record without losing samples: a period is transformed as a whole"
+            }
+            Self::TimeUnit { .. } => "give `t` in s",
+            Self::Constant { .. } => {
+                "record the measured torque or current; a drive that is off has no response"
+            }
+            Self::Impossible { .. } | Self::Leaps { .. } => {
+                "a period is transformed as a whole: delete the rows from here on if three periods remain, or record again"
+            }
+            Self::Sign { .. } => "turn the sign of `tau/` or `current/`, or of `q/` and `dq/`",
+            Self::Misfit { .. } => {
+                "check the sign of the torque, its delay against the position, and which columns hold them; then the model's masses; links that bend about several axes at once look alike"
             }
             Self::NotFinite { .. } => {
                 "record without losing samples: a period is transformed as a whole"

@@ -8,7 +8,7 @@ use super::friction::{Drive, dry_friction};
 use super::periods::{Stretch, stretches};
 use super::record::{Record, TorqueUnit};
 use crate::parallel::by_number;
-use crate::robust::median;
+use crate::robust::{median, quantile};
 
 /// A line counts as excited from this share of the largest amplitude.
 const EXCITED: f64 = 0.05;
@@ -25,6 +25,9 @@ const TRANSIENT: f64 = 4.0;
 const DRIFT: f64 = 0.25;
 /// A joint is at rest below this share of its greatest speed; a sum of many sines is so for 3 % of the time.
 const REST: f64 = 0.01;
+/// A step between two samples that is so many times what 99 of 100 steps are below is no motion: a sum of many sines has three times at most,
+/// Gaussian noise of the position twice.
+const LEAP: f64 = 10.0;
 /// The share of time at rest from which on a joint is said to stick.
 const STUCK: f64 = 0.5;
 
@@ -344,6 +347,21 @@ fn positions(
         let swing = high - low;
         let speed = || own.windows(2).map(|two| (two[1] - two[0]).abs());
         let fastest = speed().fold(0.0, f64::max);
+        // Of a joint that rests there is no usual step.
+        let usual = quantile(speed(), 0.99).unwrap_or(0.0);
+        if usual > 0.0
+            && fastest > LEAP * usual
+            && let Some(step) = speed().position(|v| v == fastest)
+            && let Some(place) = record.place(used.start + step + 1)
+        {
+            return Err(FrfError::Leaps {
+                path: record.path.clone(),
+                place,
+                joint: joint.clone(),
+                by: fastest,
+                usual,
+            });
+        }
         let resting = speed().filter(|v| *v <= REST * fastest).count();
         let share = resting as f64 / own.len() as f64;
         if share > STUCK {

@@ -3,12 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use super::error::FrfError;
-use crate::log::{Need, NumberTable, read_numbers};
+use crate::log::{NO_MEASUREMENT, Need, NumberTable, Place, read_numbers};
 use crate::model::Model;
 
 /// How far a distance between samples may be from the median, as a share: the sampling jitter that moves a line's phase by less than 1 % of
 /// a period at a tenth of the rate.
 const JITTER: f64 = 0.1;
+
+/// Rates at which controllers of robots sample, Hz: 20 Hz of slow fieldbuses to 50 kHz of drives' current loops, 1 % on either side for stamps that are
+/// rounded.
+const RATES: [f64; 2] = [19.8, 50.5e3];
+/// Units that time comes in instead of s, and how many s they are. The first that gives a usual rate is named: from 20 kHz on two may.
+const UNITS: [(&str, f64); 3] = [("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)];
+/// A value so many times any other of its column is no motion and no load, as in `log::admission`; sums of sines stay below three times the
+/// next ones.
+const TIMES: f64 = 10.0;
+/// Rows to each side of one damaged value that may hold it too: a reader that is faster than its messages.
+const BESIDE: usize = 4;
 
 /// What the torque column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +36,14 @@ impl TorqueUnit {
         match self {
             Self::NewtonMetre => "N m",
             Self::Ampere => "A",
+        }
+    }
+
+    /// The column's kind.
+    fn kind(self) -> &'static str {
+        match self {
+            Self::NewtonMetre => "tau",
+            Self::Ampere => "current",
         }
     }
 }
@@ -50,6 +69,8 @@ pub(super) struct Record {
     pub(super) reference: Vec<Vec<f64>>,
     /// Second encoder at the link; empty if there is none.
     pub(super) link: Vec<Vec<f64>>,
+    /// Where the rows stand in the file; its columns are moved into the signals.
+    rows: NumberTable,
 }
 
 /// A joint's columns.
@@ -80,6 +101,7 @@ impl Record {
             Ok(cells.map(|cell| (cell, Need::Always)).collect())
         })?;
         let dt = even(path, &table)?;
+        is_rate(path, dt)?;
         let columns_unfit = table.columns.iter();
         let unfit = columns_unfit.filter_map(|column| column.iter().position(|x| !x.is_finite()));
         if let Some(place) = unfit.min().and_then(|row| table.place(row)) {
@@ -101,6 +123,7 @@ impl Record {
             torque: Vec::new(),
             reference: Vec::new(),
             link: Vec::new(),
+            rows: table,
         };
         for column in columns {
             record.joints.push(column.joint);
@@ -126,8 +149,80 @@ impl Record {
         if record.link.len() < record.joints.len() {
             record.link.clear();
         }
+        record.is_possible()?;
         Ok(record)
     }
+
+    /// Where a row stands in the file.
+    pub(super) fn place(&self, row: usize) -> Option<Place> {
+        self.rows.place(row)
+    }
+
+    /// Refuses values that no robot has, and torques that do not change: a period is transformed as a whole, so that no row can be left out.
+    fn is_possible(&self) -> Result<(), FrfError> {
+        let kind = self.unit.kind();
+        let kinds = [
+            ("q", &self.q),
+            ("dq", &self.dq),
+            (kind, &self.torque),
+            ("ref", &self.reference),
+            ("q_link", &self.link),
+        ];
+        for (kind, signals) in kinds {
+            for (signal, joint) in signals.iter().zip(&self.joints) {
+                if let Some((row, others)) = impossible(signal)
+                    && let Some(place) = self.place(row)
+                {
+                    return Err(FrfError::Impossible {
+                        path: self.path.clone(),
+                        place,
+                        column: format!("{kind}/{joint}"),
+                        value: signal[row],
+                        others,
+                    });
+                }
+            }
+        }
+        for (signal, joint) in self.torque.iter().zip(&self.joints) {
+            if let Some(&value) = signal.first()
+                && signal.iter().all(|x| *x == value)
+            {
+                return Err(FrfError::Constant {
+                    path: self.path.clone(),
+                    column: format!("{kind}/{joint}"),
+                    value,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The row of a signal's greatest value, if no robot has it or it is [`TIMES`] the greatest of all rows but those beside; and that.
+fn impossible(signal: &[f64]) -> Option<(usize, f64)> {
+    let sizes = || signal.iter().map(|x| x.abs()).enumerate();
+    let (row, size) = sizes().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let far = sizes().filter(|(k, _)| k.abs_diff(row) > BESIDE);
+    let others = far.map(|(_, size)| size).fold(0.0, f64::max);
+    // Of a signal that is zero elsewhere nothing says what it can be.
+    let is_alone = others > 0.0 && size > TIMES * others;
+    (size > NO_MEASUREMENT || is_alone).then_some((row, others))
+}
+
+/// Refuses a sampling period that no controller has, s.
+fn is_rate(path: &Path, dt: f64) -> Result<(), FrfError> {
+    let is_usual = |dt: &f64| (RATES[0]..=RATES[1]).contains(&(1.0 / dt));
+    if is_usual(&dt) {
+        return Ok(());
+    }
+    let unit = UNITS.iter().find(|(_, seconds)| is_usual(&(dt * seconds)));
+    Err(FrfError::TimeUnit {
+        path: path.to_owned(),
+        hertz: 1.0 / dt,
+        unit: unit.map_or_else(String::new, |(unit, seconds)| {
+            format!("; in {unit} `t` gives {:.1}", 1.0 / (dt * seconds))
+        }),
+    })
 }
 
 fn time_column(path: &Path, names: &[String]) -> Result<usize, FrfError> {

@@ -25,6 +25,7 @@ const SMOOTHED: usize = 2;
 pub(super) type Response = Vec<DMatrix<Complex64>>;
 
 /// A point: where the robot stands, and its responses.
+#[derive(Clone)]
 pub(super) struct Point {
     /// Mean position of each joint, rad or m.
     pub(super) q: Vec<f64>,

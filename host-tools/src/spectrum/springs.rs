@@ -362,6 +362,32 @@ pub(super) fn bench<'a>(points: &'a [Point], omega: &[f64], dt: f64) -> Option<F
     })
 }
 
+/// Held-out error of springs at the joints alone if the torques had the opposite sign; none where no fit is found.
+pub(super) fn turned(
+    model: Option<&Model>,
+    joints: &[String],
+    points: &[Point],
+    omega: &[f64],
+    dt: f64,
+) -> Option<f64> {
+    let mut turned = points.to_vec();
+    for mean in turned.iter_mut().flat_map(|point| &mut point.mean) {
+        *mean = -&*mean;
+    }
+    let points = &turned[..];
+    let Some(model) = model else {
+        return Some(bench(points, omega, dt)?.springs);
+    };
+    let arm = Arm {
+        model,
+        joints,
+        points,
+        omega,
+        dt,
+    };
+    Some(arm.springs().ok()?.1.fit.error())
+}
+
 /// Antiresonance and resonance, rad/s, and the inertia ratio of a bench.
 fn mode_of_bench(fit: &Fit, x: &[f64]) -> (f64, f64, f64) {
     let value = |of: Unknown| fit.layout.value(x, of);

@@ -37,7 +37,7 @@ use positions::Positions;
 pub(super) const AHEAD: usize = 64;
 
 /// Beyond this nothing is a measurement of a robot in any unit: N mm of the largest robots stay below 1e8, encoders' ticks below 1e9.
-const NO_MEASUREMENT: f64 = 1e12;
+pub(crate) const NO_MEASUREMENT: f64 = 1e12;
 
 /// The time after a seam that is left out, s: longer than a motion is followed over lost messages, so that every reader has a gap there
 /// ([`BRIDGED`]).
