@@ -20,6 +20,14 @@ pub enum FreeBaseError {
         /// What it lacks.
         what: &'static str,
     },
+    /// The gyro or the accelerometer does not read what such a sensor reads.
+    #[error("{}: {cause}", .path.display())]
+    Imu {
+        /// The log.
+        path: PathBuf,
+        /// Which columns, why, and the remedy.
+        cause: String,
+    },
     /// Nothing is left between gaps, touch-downs and faults.
     #[error(
         "no window is left: {} were cut by touch-downs and lift-offs, {} lost to impacts, {} to gaps, {} left out because the robot \

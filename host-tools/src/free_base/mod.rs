@@ -7,7 +7,7 @@
 //!    log's windows, and their samples. `error`: why no parameters come out. `legged`: the robot, as its model has it: tree, feet, IMU, and all thresholds
 //!    in units of its own size and weight. `projector`: takes forces at feet out of the equations.
 //! 2. `stiction`: joints that friction may hold. `walk`: the log, what gravity's length tells of the accelerometer. `speed`: joint velocities from the
-//!    quieter of two channels, a quieter gyro. `supported`: whether something beyond the feet carries the robot. `transmitted`: the torques that gears transmit, by the motion. `stance`: which feet may carry a force;
+//!    quieter of two channels, a quieter gyro. `imu`: whether gyro and accelerometer read what such sensors read. `supported`: whether something beyond the feet carries the robot. `transmitted`: the torques that gears transmit, by the motion. `stance`: which feet may carry a force;
 //!    those are projected out.
 //! 3. `columns`: which column is what. `sensors`: what the sensors get wrong. `gravity`: its direction, and its length as rows.
 //!    `walks`: all logs, with velocities, gravity and stance.
@@ -28,6 +28,7 @@ mod error;
 pub(crate) mod expected;
 pub(crate) mod fit;
 mod gravity;
+mod imu;
 pub(crate) mod legged;
 mod moved_readings;
 mod outside;

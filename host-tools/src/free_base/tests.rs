@@ -1,10 +1,10 @@
 //! Stance, velocities and gravity's length on made-up walks of which all is known.
 
 use std::collections::HashMap;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-use nalgebra::{SVector, Vector3};
+use nalgebra::{Rotation3, SVector, Vector3};
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::plausible;
 use proprio_core::go2::Leg;
@@ -29,7 +29,7 @@ use super::stance::Stance;
 use super::stiction::Rest;
 use super::structure::ModelStructure;
 use super::walk::Walk;
-use super::{Walks, gravity};
+use super::{Walks, gravity, imu};
 use crate::estimate::Constraint;
 use crate::model::Model;
 
@@ -559,5 +559,93 @@ fn a_part_is_predicted_by_all_blocks_but_its_neighbours() {
         };
         is_all(&part.own, &own);
         is_all(&part.others, &|k| !near(k));
+    }
+}
+
+/// A log of MuJoCo as it was recorded.
+fn recorded(name: &str) -> Walk {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("../tests/oracle/walk/{name}.csv.gz"));
+    Walk::read(&path, (Model::default().robot(), &go2_legged()))
+        .unwrap()
+        .0
+}
+
+/// What is done to the readings of gyro and accelerometer.
+type Spoilt = fn(&mut Vector3<f64>, &mut Vector3<f64>);
+
+/// Each fault of an IMU is named by its columns and its cause, of a trot and of a robot that sways.
+#[test]
+fn faults_of_an_imu_are_named() {
+    let faults: [(&str, Spoilt); 11] = [
+        ("acc/x|y|z are in g:", |_, acc| *acc /= 9.81),
+        ("acc/x|y|z are in milli-g:", |_, acc| *acc *= 1e3 / 9.81),
+        ("acc/x|y|z are not in m/s²", |_, acc| {
+            *acc *= 16_384.0 / 9.81
+        }),
+        ("acc/x|y|z have gravity removed", |_, acc| acc.z -= 9.81),
+        ("acc/x|y|z are zero", |_, acc| acc.fill(0.0)),
+        ("acc/x|y|z are constant", |_, acc| acc.fill(9.81)),
+        ("acc/x|y|z have the opposite sign", |_, acc| acc.neg_mut()),
+        ("gyro/x|y|z are zero", |gyro, _| gyro.fill(0.0)),
+        ("gyro/x|y|z are constant", |gyro, _| gyro.fill(0.1)),
+        ("gyro/x|y|z are in °/s", |gyro, _| *gyro *= 180.0 / PI),
+        ("gyro/x|y|z have the opposite sign", |gyro, _| {
+            gyro.neg_mut()
+        }),
+    ];
+    let robot = go2_legged();
+    for name in ["trot", "sway"] {
+        let walk = recorded(name);
+        for (cause, spoil) in faults {
+            let mut spoilt = walk.clone();
+            for (gyro, acc) in spoilt.gyro.iter_mut().zip(&mut spoilt.acc) {
+                spoil(gyro, acc);
+            }
+            let found = imu::judge(&spoilt, &robot).unwrap_err().to_string();
+            assert!(found.contains(cause), "{name}, {cause}: {found}");
+        }
+    }
+}
+
+/// Any gait, also of a robot that is swung by hand, at any place on Earth, with scale errors, at 100 Hz and with the IMU turned: none has a fault.
+#[test]
+fn an_imu_without_faults_has_none_named() {
+    let turns = [
+        Vector3::zeros(),
+        Vector3::z() * FRAC_PI_2,
+        Vector3::z() * PI,
+        Vector3::x() * FRAC_PI_2,
+        Vector3::x() * PI,
+        Vector3::y() * PI,
+    ];
+    let robot = go2_legged();
+    for name in [
+        "trot", "load", "leash", "slip", "flying", "hop", "sway", "swung",
+    ] {
+        let walk = recorded(name);
+        for (turn, scale) in turns.iter().zip([1.0, 0.95, 1.05, 1.0, 0.97, 1.03]) {
+            let turn = Rotation3::from_scaled_axis(*turn);
+            let mut turned = walk.clone();
+            turned.gyro.iter_mut().for_each(|gyro| *gyro = turn * *gyro);
+            for acc in &mut turned.acc {
+                *acc = turn * *acc * scale;
+            }
+            let judged = imu::judge(&turned, &robot);
+            assert!(judged.is_ok(), "{name}, {turn}: {judged:?}");
+        }
+        let every = (100.0 * walk.period).recip().round() as usize;
+        let slow = Walk {
+            time_us: walk.time_us.iter().copied().step_by(every).collect(),
+            q: Channels::from_fn(walk.len().div_ceil(every), JOINTS, |n, j| {
+                walk.q[every * n][j]
+            }),
+            gyro: walk.gyro.iter().copied().step_by(every).collect(),
+            acc: walk.acc.iter().copied().step_by(every).collect(),
+            period: walk.period * every as f64,
+            ..walk.clone()
+        };
+        let judged = imu::judge(&slow, &robot);
+        assert!(judged.is_ok(), "{name} at 100 Hz: {judged:?}");
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::error::FreeBaseError;
 use super::gravity;
+use super::imu;
 use super::legged::Legged;
 use super::speed;
 use super::stance::{FootEpisode, Stance, StanceShares};
@@ -39,6 +40,7 @@ impl Walks {
         for (n, path) in logs.iter().enumerate() {
             let (mut walk, told) = Walk::read(path, (model.robot(), robot))?;
             warnings.extend(told);
+            imu::judge(&walk, robot)?;
             walk.down = gravity::down(&walk);
             speed::quieten(&mut walk);
             walk.rest = Arc::new(Rest::of(&walk.dq, walk.period));

@@ -314,6 +314,35 @@ fn a_real_walk_weighs_what_is_on_paper() {
     );
 }
 
+/// An accelerometer that counts in g is refused by its columns and its unit, before anything is fitted.
+#[test]
+fn an_accelerometer_in_g_is_named() {
+    let folder = empty_folder();
+    let log = text("trot");
+    let header: Vec<&str> = log.lines().next().unwrap().split(',').collect();
+    let row = |line: &str| {
+        let cell = |(column, cell): (usize, &str)| match header[column].starts_with("acc/") {
+            true => (cell.parse::<f64>().unwrap() / 9.80665).to_string(),
+            false => cell.to_owned(),
+        };
+        let cells: Vec<String> = line.split(',').enumerate().map(cell).collect();
+        cells.join(",")
+    };
+    let rows: Vec<String> = log.lines().skip(1).map(row).collect();
+    let path = folder.path().join("in_g.csv");
+    fs::write(
+        &path,
+        format!("{}\n{}\n", header.join(","), rows.join("\n")),
+    )
+    .unwrap();
+    let error = identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ())
+        .unwrap_err();
+    assert!(
+        matches!(&error, FreeBaseError::Imu { cause, .. } if cause.contains("acc/x|y|z are in g:")),
+        "{error}"
+    );
+}
+
 /// A log that lacks a leg, or a gyro or an accelerometer beside the other, is refused by what it lacks.
 #[test]
 fn a_log_that_lacks_a_part_is_refused_by_its_name() {
