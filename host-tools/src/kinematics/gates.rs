@@ -154,6 +154,10 @@ fn far_places(chain: &Chain, state: &State, poses: &Poses) -> Result<(), Calibra
             (poses.poses.iter()).fold(0.0, |most: f64, pose| most.max(pose.q[joint].abs()))
         };
         let reach = chain.reach(body) + slides.map(farthest).sum::<f64>();
+        // Where half of the places are out of reach, all are in another unit, which is looked for by fits.
+        if half > FAR * reach {
+            continue;
+        }
         let is_far =
             |(_, place): &(usize, nalgebra::Vector3<f64>)| distance(*place) > FAR * (reach + half);
         let mut far = places().filter(is_far);

@@ -18,7 +18,7 @@ fn bad_input_is_named_and_leaves_no_file() {
     fs::write(here.join("bad.toml"), "[[cylinder]]\n").unwrap();
     bad_motions(here);
     let files = fs::read_dir(here).unwrap().count();
-    let cases: [(&[&str], i32, &str); 42] = [
+    let cases: [(&[&str], i32, &str); 44] = [
         (
             &["excite", "--pose", "FR_calf=-3"],
             1,
