@@ -402,7 +402,7 @@ fn a_place_and_a_width_are_fitted() {
             let [value, std] = ["value", "std"].map(|key| own[key].as_f64().unwrap());
             let error = (value - truth).abs();
             assert!(
-                error < 3.0 * std && std < 0.02 * truth,
+                error < 0.005 * truth && std < 0.005 * truth,
                 "{name}{symbol}: {value} ± {std}"
             );
         }

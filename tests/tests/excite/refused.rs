@@ -27,11 +27,7 @@ fn bad_input_is_named_and_leaves_no_file() {
         (&["excite", "--position-margin", "1.5"], 1, "cannot move"),
         (&["excite", "--legs", "FX"], 1, "no leg `FX`"),
         (&["excite", "--pose", "FR_knee=0"], 1, "FR_knee"),
-        (
-            &["excite", "--duration", "0"],
-            1,
-            "the duration must be a positive number",
-        ),
+        (&["excite", "--duration", "0"], 2, "must lie between"),
         (
             &["excite", "--acceleration", "nan"],
             1,

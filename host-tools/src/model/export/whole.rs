@@ -157,7 +157,7 @@ pub(super) fn mjcf(model: &Model, stated: &Stated) -> String {
         "    <body name=\"{}\"{turn}>",
         escaped(robot.base_link())
     );
-    out += "      <!-- fixed; put a <freejoint/> here to let it move -->\n";
+    out += "      <!-- pinned; put a <freejoint/> here to let it go -->\n";
     if model.inertia(BASE).mass() > 0.0 {
         let _ = writeln!(
             out,
