@@ -70,13 +70,15 @@ struct LimitCheck {
     first: Option<(u64, f64)>,
 }
 
+/// Units that stamps come in instead of s, and how many make one.
+pub(crate) const TIME_UNITS: [(&str, f64); 3] = [("ms", 1e3), ("µs", 1e6), ("ns", 1e9)];
+
 /// The unit other than the second in which stamps so far apart have a robot's rate.
 fn unit_of(period: f64) -> Option<Problem> {
     if period < OTHER_UNIT {
         return None;
     }
-    let units = [("ms", 1e3), ("µs", 1e6), ("ns", 1e9)];
-    let rates = units.map(|(unit, per_second)| (unit, per_second, per_second / period));
+    let rates = TIME_UNITS.map(|(unit, per_second)| (unit, per_second, per_second / period));
     let mut likely = rates
         .into_iter()
         .filter(|(.., rate)| (RATES.0..=RATES.1).contains(rate));

@@ -68,8 +68,9 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
-pub(crate) use admission::NO_MEASUREMENT;
+pub(crate) use admission::{MOST_ROWS, NO_MEASUREMENT, TIMES};
 pub use channel::Channel;
+pub(crate) use checks::TIME_UNITS;
 pub use checks::{
     BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods,
 };

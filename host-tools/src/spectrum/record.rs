@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::error::FrfError;
-use crate::log::{NO_MEASUREMENT, Need, NumberTable, Place, read_numbers};
+use crate::log::{
+    MOST_ROWS, NO_MEASUREMENT, Need, NumberTable, Place, TIME_UNITS, TIMES, read_numbers,
+};
 use crate::model::Model;
 
 /// How far a distance between samples may be from the median, as a share: the sampling jitter that moves a line's phase by less than 1 % of
@@ -13,13 +15,6 @@ const JITTER: f64 = 0.1;
 /// Rates at which controllers of robots sample, Hz: 20 Hz of slow fieldbuses to 50 kHz of drives' current loops, 1 % on either side for stamps that are
 /// rounded.
 const RATES: [f64; 2] = [19.8, 50.5e3];
-/// Units that time comes in instead of s, and how many s they are. The first that gives a usual rate is named: from 20 kHz on two may.
-const UNITS: [(&str, f64); 3] = [("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)];
-/// A value so many times any other of its column is no motion and no load, as in `log::admission`; sums of sines stay below three times the
-/// next ones.
-const TIMES: f64 = 10.0;
-/// Rows to each side of one damaged value that may hold it too: a reader that is faster than its messages.
-const BESIDE: usize = 4;
 
 /// What the torque column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,7 +197,7 @@ impl Record {
 fn impossible(signal: &[f64]) -> Option<(usize, f64)> {
     let sizes = || signal.iter().map(|x| x.abs()).enumerate();
     let (row, size) = sizes().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let far = sizes().filter(|(k, _)| k.abs_diff(row) > BESIDE);
+    let far = sizes().filter(|(k, _)| k.abs_diff(row) > MOST_ROWS);
     let others = far.map(|(_, size)| size).fold(0.0, f64::max);
     // Of a signal that is zero elsewhere nothing says what it can be.
     let is_alone = others > 0.0 && size > TIMES * others;
@@ -215,12 +210,15 @@ fn is_rate(path: &Path, dt: f64) -> Result<(), FrfError> {
     if is_usual(&dt) {
         return Ok(());
     }
-    let unit = UNITS.iter().find(|(_, seconds)| is_usual(&(dt * seconds)));
+    // The first that gives a usual rate is named: from 20 kHz on two may.
+    let unit = TIME_UNITS
+        .iter()
+        .find(|(_, per_second)| is_usual(&(dt / per_second)));
     Err(FrfError::TimeUnit {
         path: path.to_owned(),
         hertz: 1.0 / dt,
-        unit: unit.map_or_else(String::new, |(unit, seconds)| {
-            format!("; in {unit} `t` gives {:.1}", 1.0 / (dt * seconds))
+        unit: unit.map_or_else(String::new, |(unit, per_second)| {
+            format!("; in {unit} `t` gives {:.1}", per_second / dt)
         }),
     })
 }

@@ -9,13 +9,13 @@ use crate::robust;
 
 /// A value so many times any other of its channel, seen so far or in the rows ahead, is no motion and no load: between neighbours at
 /// 50 Hz and more, torque and velocity of a robot that is driven change by less than their range.
-const TIMES: f64 = 10.0;
+pub(crate) const TIMES: f64 = 10.0;
 /// Beyond [`LIMITS`] times the limit that the URDF states so many times suffice.
 const TIMES_BEYOND: f64 = 3.0;
 /// Limits are stated roughly, and peaks lie above continuous ratings: up to three times as high in motors' data sheets.
 const LIMITS: f64 = 3.0;
 /// Rows of one damaged message, and of those that hold it: more of them in the rows ahead are a signal.
-const MOST_ROWS: usize = 4;
+pub(crate) const MOST_ROWS: usize = 4;
 /// The same beyond limits: a burst.
 const MOST_BEYOND: usize = AHEAD / 2;
 /// Fewer rows than this tell nothing of a channel's range.

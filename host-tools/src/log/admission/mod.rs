@@ -20,6 +20,7 @@ mod positions;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use channels::{MOST_ROWS, TIMES};
 use std::collections::VecDeque;
 
 use super::channel::Channel;
