@@ -18,10 +18,11 @@ use crate::identify::model_fit::{parameters, places_of};
 use crate::identify::{BodyQuantity, OtherBody, other_bodies, released};
 use crate::model::Model;
 use crate::parallel::side_by_side;
+use crate::select::criteria::step::SAME;
 use crate::select::fitted::{Fitted, Step};
 use crate::select::limbs::Limbs;
 use crate::select::search::Found;
-use crate::select::state::State;
+use crate::select::state::{State, held_out_squares};
 
 /// The limbs' fits, and what each leaves of what it has not seen.
 pub(super) type Fits<'a> = (Vec<LimbFit<'a>>, Vec<Squares>);
@@ -48,7 +49,13 @@ pub(super) fn instead<'a>(
         return None;
     }
     let plain: Vec<Vec<Place>> = data.iter().map(with_drive).collect();
-    let (fits, _) = bodies::fit(data, &plain, &how());
+    // Of a log too short to have a noise floor, what the effects found leave is to be reached.
+    let by_effects = |n: usize| {
+        let is_here = here(&[n], found).next().is_some();
+        is_here.then(|| found.end.squares[n].total())
+    };
+    let most = |n: usize| bodies::at_floor(&data[n]).or_else(|| by_effects(n));
+    let (fits, _) = bodies::fit_from(data, &plain, &how(), &vec![None; data.len()], &most);
     if fits.len() < data.len() || !fits.iter().any(is_released) {
         return None;
     }
@@ -70,8 +77,9 @@ pub(super) fn instead<'a>(
     let (effects, mut as_well) = (here(&limbs, found).count(), None);
     if (1..=count(&fits)).contains(&effects) && !is_wrong {
         let (end, squares) = free_end(data, found)?;
+        let by_bodies = |n: usize| Some(SAME * held_out_squares(&fits[n])?.total());
         let leave_noise = |n: &usize| {
-            let most = bodies::at_floor(end[*n].data);
+            let most = bodies::at_floor(&data[*n]).or_else(|| by_bodies(*n));
             most.is_some_and(|most| squares[*n].total() <= most)
         };
         let beside = count(&end);
@@ -171,10 +179,9 @@ fn fitted<'a>(
     how: &How,
     start: &[Option<Values>],
 ) -> Option<Fits<'a>> {
-    let (fits, _) = bodies::fit_from(data, places, how, start);
-    let squares = side_by_side(&fits, |fit| {
-        Some(fit.data.squares(&fit.predicted_held_out()?))
-    });
+    let floor = |n: usize| bodies::at_floor(&data[n]);
+    let (fits, _) = bodies::fit_from(data, places, how, start, &floor);
+    let squares = side_by_side(&fits, held_out_squares);
     let squares: Option<Vec<Squares>> = squares.into_iter().collect();
     (fits.len() == data.len()).then_some((fits, squares?))
 }

@@ -312,7 +312,7 @@ pub(super) fn how_near(place: Place) -> How {
 }
 
 /// Held-out sums of squares of a limb's fit.
-fn held_out_squares(fit: &LimbFit) -> Option<Squares> {
+pub(crate) fn held_out_squares(fit: &LimbFit) -> Option<Squares> {
     Some(fit.data.squares(&fit.predicted_held_out()?))
 }
 
