@@ -6,6 +6,7 @@ mod complete;
 mod contact;
 mod formulas;
 mod free_base;
+mod geometry;
 mod outside;
 mod path;
 mod report;
@@ -15,10 +16,11 @@ mod text;
 use std::path::PathBuf;
 
 use proprio_core::effect::EffectKind;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::every_window::EveryWindow;
+use crate::detect::frame::OtherFrame;
 use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::detect::load_change::LoadChange;
 use crate::detect::mismatch::Mismatch;
@@ -32,13 +34,14 @@ use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot;
 use crate::identify::OtherBody;
 use crate::identify::model_fit::places_of;
-use crate::model::Model;
+use crate::model::{JointQuantity, Model};
 use crate::parallel::side_by_side;
 use crate::recording::{Recording, RecordingError};
 use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
 use crate::select::state::how;
 use crate::summary::ErrorRange;
+use bodies::Instead;
 pub use changed::ChangedValue;
 pub use formulas::FoundFormula;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
@@ -84,6 +87,9 @@ pub struct Diagnosis {
     /// Whether these bodies and the drives' own effects predict as well as all effects that are named.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub bodies_instead: bool,
+    /// Joints whose frames are not where the description has them; the path has them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kinematics: Vec<FoundFrame>,
     /// Torques outside the catalogue that explain what it leaves; the path has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub formulas: Vec<FoundFormula>,
@@ -172,6 +178,34 @@ pub struct ParameterReport {
     pub value: f64,
     /// Standard deviation; zero for one that was scanned.
     pub std: f64,
+}
+
+/// A joint's frame that is not where the description has it.
+#[derive(Debug, Clone, Serialize)]
+pub struct FoundFrame {
+    /// Which joint.
+    pub joint: String,
+    /// How far it is off, in words.
+    pub words: String,
+    /// By how much it is displaced or turned along its own axes.
+    pub corrections: Vec<FrameCorrection>,
+}
+
+/// What a joint's frame is displaced or turned by along one of its own axes.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct FrameCorrection {
+    /// Along or about which axis.
+    #[serde(serialize_with = "by_key")]
+    pub quantity: JointQuantity,
+    /// m or rad.
+    pub value: f64,
+    /// Standard deviation, from the spread over blocks.
+    pub std: f64,
+}
+
+/// As model files write it.
+fn by_key<S: Serializer>(quantity: &JointQuantity, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(quantity.key())
 }
 
 /// An effect that cannot be told from another one.
@@ -357,16 +391,34 @@ fn judge(
         .collect();
     let found = search(Limbs::new(&mended, &given, &noise), causes).ok_or_else(too_short)?;
     let instead = bodies::instead(&mended, &found, model);
-    let (data, found) = match &instead {
-        Some(instead) if instead.as_well.is_none() => {
-            let found = search(Limbs::new(&instead.data, &given, &noise), causes);
-            (&instead.data, found.ok_or_else(too_short)?)
+    // A body is looked for first: a wrong one is likelier than a wrong frame, and the bodies take most of what a frame does.
+    let moved = match instead {
+        None => geometry::instead(&mended, &found, model),
+        Some(_) => None,
+    };
+    let placed = moved.as_ref().map(|moved| moved.data(&mended));
+    let placed = placed.flatten();
+    let before_moved = placed.is_some().then(|| found.start.clone());
+    let (data, found) = match (&instead, &placed) {
+        (
+            Some(Instead {
+                data,
+                as_well: None,
+                ..
+            }),
+            _,
+        )
+        | (None, Some(data)) => {
+            let found = search(Limbs::new(data, &given, &noise), causes);
+            (data, found.ok_or_else(too_short)?)
         }
         _ => (&mended, found),
     };
     let as_well = instead.as_ref().and_then(|instead| instead.as_well.clone());
     // Where no body is far from the CAD's the search has begun with that very fit.
-    let is_far = instead.is_some() || found.end.fits.iter().any(|fit| bodies::is_held(fit));
+    let is_far = instead.is_some()
+        || placed.is_some()
+        || found.end.fits.iter().any(|fit| bodies::is_held(fit));
     let refitted = is_far.then(|| bodies::refitted(&mended)).flatten();
     let refitted = refitted.map(|(_, squares)| squares);
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
@@ -392,7 +444,8 @@ fn judge(
         velocity: &velocity,
         ladder: ladder.concat(),
         before: before.flatten(),
-        refitted: refitted.unwrap_or_else(|| found.start.clone()),
+        refitted: (refitted.or(before_moved)).unwrap_or_else(|| found.start.clone()),
+        frames: (placed.as_ref().and(moved.as_ref())).map_or(&[], |moved| &moved.frames),
         found,
     };
     diagnosed.load_changes = diagnosed.load_changes();
@@ -441,6 +494,8 @@ struct Diagnosed<'a> {
     before: Option<Vec<Squares>>,
     /// Held-out sums of squares of the model as given, its values fitted anew.
     refitted: Vec<Squares>,
+    /// Of those the frames that are not where the description has them, each with its limb; what was found is of the frames where the data have them.
+    frames: &'a [(usize, OtherFrame)],
     found: Found<Limbs<'a>>,
 }
 

@@ -33,7 +33,11 @@ CAUSES = {
     "soft_torque": "a torque constant that falls with torque",
 }
 # Presliding friction is a belt's hysteresis, and a spring with it.
-IS_NAMED = {"hysteresis": {"presliding", "elastic_hysteresis", "spring"}}
+IS_NAMED = {
+    "hysteresis": {"presliding", "elastic_hysteresis", "spring"},
+    "axis_off": {"link_geometry"},
+    "longer_link": {"link_geometry"},
+}
 
 
 def at_tip(model, q, tip):

@@ -75,6 +75,7 @@ mod walking;
 mod where_it_fails;
 mod words;
 mod wrong_bodies;
+mod wrong_geometry;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]

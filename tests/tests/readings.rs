@@ -14,7 +14,7 @@ use proprio_tests::recorder::Recorder;
 use proprio_tests::rows::Rows;
 
 /// Waist, shoulder, elbow and a wrist that rolls.
-const ARM: &str = r#"<robot name="arm">
+pub(crate) const ARM: &str = r#"<robot name="arm">
 <link name="base"/>
 <link name="turn"><inertial><origin xyz="0.01 0 0.05"/><mass value="2"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.008"/></inertial></link>
 <link name="upper"><inertial><origin xyz="0.01 0 0.15"/><mass value="1.5"/><inertia ixx="0.012" ixy="0" ixz="0" iyy="0.012" iyz="0" izz="0.002"/></inertial></link>
@@ -32,7 +32,7 @@ fn robot(folder: &Path) -> Robot {
 }
 
 /// A log of what a recorder makes, its cells changed: column by name, and what its numbers become.
-fn write(
+pub(crate) fn write(
     folder: &Path,
     recorder: &Recorder,
     name: impl Fn(&str) -> String,
@@ -56,11 +56,11 @@ fn write(
     fs::write(folder.join("log.csv"), all + "\n").unwrap();
 }
 
-fn as_is(head: &str) -> String {
+pub(crate) fn as_is(head: &str) -> String {
     head.to_owned()
 }
 
-fn same(_: &str, x: f64) -> f64 {
+pub(crate) fn same(_: &str, x: f64) -> f64 {
     x
 }
 

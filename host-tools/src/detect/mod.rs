@@ -7,6 +7,7 @@
 //! - `bodies`: bodies far from the CAD's: another body, or what the model lacks
 //! - `every_window`: what models make of every window of logs of which a part was drawn
 //! - `floor`: the noise floor of a log: the error that no model can take away
+//! - `frame`: a joint whose frame stands elsewhere than the description has it, by what that does to the torque
 //! - `ladder`: what every result is held against, the same in every command
 //! - `load_change`: a load that comes or goes within a log
 //! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
@@ -24,6 +25,7 @@ pub(crate) mod bursts;
 pub(crate) mod contact;
 pub mod every_window;
 pub(crate) mod floor;
+pub(crate) mod frame;
 pub mod ladder;
 pub(crate) mod load_change;
 pub mod mismatch;

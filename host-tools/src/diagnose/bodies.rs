@@ -97,7 +97,7 @@ pub(super) fn instead<'a>(
 }
 
 /// Those of [`beyond`] at one of these limbs.
-fn here<'f, 'd>(
+pub(super) fn here<'f, 'd>(
     limbs: &'f [usize],
     found: &'f Found<Limbs<'d>>,
 ) -> impl Iterator<Item = &'f Step<State<'d>>> {
@@ -238,7 +238,7 @@ pub(super) fn let_go<'a>(data: &'a [LimbData<'a>], found: &mut Found<Limbs<'a>>)
 }
 
 /// The effects of the model as given and those of every drive.
-fn with_drive(limb: &LimbData) -> Vec<Place> {
+pub(super) fn with_drive(limb: &LimbData) -> Vec<Place> {
     let mut places = places_of(limb);
     let drive = (0..limb.joints()).flat_map(|j| EffectKind::PLAIN.map(|effect| (effect, j)));
     for place in drive {

@@ -1,8 +1,24 @@
 //! What a diagnosis makes of a model.
 
-use super::Diagnosis;
+use super::{Diagnosis, FoundFrame};
 use crate::catalogue;
-use crate::model::Model;
+use crate::model::{Model, Witness};
+
+impl FoundFrame {
+    /// Puts the joint's frame where the data have it.
+    fn apply(&self, model: &mut Model) {
+        // The name comes from this robot.
+        let Ok(joint) = model.robot().joint(&self.joint) else {
+            return;
+        };
+        for own in &self.corrections {
+            let known = model.joint_quantity(joint, own.quantity);
+            let value = known.map_or(0.0, |known| known.value) + own.value;
+            // Numbers of a fit are finite, as the model asks.
+            let _ = model.set_joint_quantity(joint, own.quantity, Witness::Motion, value, own.std);
+        }
+    }
+}
 
 impl Diagnosis {
     /// Adds to a model what the path has added.
@@ -30,5 +46,8 @@ impl Diagnosis {
             model.remove_effect(effect, joint);
         }
         model.add_last(&added);
+        for frame in &self.kinematics {
+            frame.apply(model);
+        }
     }
 }

@@ -8,6 +8,7 @@ use crate::detect::twist::Twist;
 use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::limb_data::Squares;
+use crate::model::LINK_GEOMETRY;
 use crate::select::candidate::Member;
 
 /// The errors of the model as it was given, of all data and of each log, and the path.
@@ -30,6 +31,17 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
     }
     for (effect, joints) in d.shown_by_encoders() {
         steps.push(d.step(effect, joints, &d.refitted, false));
+    }
+    if !d.frames.is_empty() {
+        steps.push(PathStep {
+            effect: LINK_GEOMETRY,
+            joints: (d.frames.iter())
+                .map(|(_, frame)| d.model.joint_name(frame.joint).to_owned())
+                .collect(),
+            held_out_rms: d.rms(&d.found.start),
+            log_rms: d.log_rms(&d.found.start),
+            removed: false,
+        });
     }
     for step in &d.found.steps {
         let mut names: Vec<String> = Vec::new();

@@ -7,10 +7,11 @@ use super::changed::changed;
 use super::outside::Outside;
 use super::path::path;
 use super::{
-    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, FoundFormula, JointError,
-    LoadChangeReport, ParameterReport, Verdict, contact, text,
+    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, FoundFormula, FoundFrame,
+    FrameCorrection, JointError, LoadChangeReport, ParameterReport, Verdict, contact, text,
 };
 use crate::detect::contact::{Contact, words as contact_words};
+use crate::detect::frame::OtherFrame;
 use crate::detect::ladder::Yardsticks;
 use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
@@ -38,7 +39,9 @@ pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormul
         .filter(|j| j.n < LEAST_WINDOWS)
         .map(|j| &*j.joint)
         .collect();
-    let significant = candidates.iter().any(|c| c.significant) || !formulas.is_empty();
+    let kinematics = d.found_frames();
+    let significant =
+        candidates.iter().any(|c| c.significant) || !formulas.is_empty() || !kinematics.is_empty();
     let verdict = match (
         significant || !outside_catalogue.is_empty(),
         still.is_empty(),
@@ -51,7 +54,12 @@ pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormul
     let (reason, next) = if by_contact {
         contact::reason(&candidates, d.base_moves)
     } else {
-        text::reason(verdict, &candidates, &outside_catalogue, &still)
+        text::reason(
+            verdict,
+            (&candidates, &kinematics),
+            &outside_catalogue,
+            &still,
+        )
     };
     let stands: Vec<_> = (d.feet.iter().enumerate())
         .filter_map(|(n, foot)| Some((d.foot(n), foot.clone()?)))
@@ -82,6 +90,7 @@ pub(super) fn report(d: &Diagnosed, outside: &Outside, formulas: Vec<FoundFormul
             Some((bodies, are_loads)) => *are_loads && !bodies.is_empty(),
             None => d.freed && bodies::are_all(&d.bodies, &d.found),
         },
+        kinematics,
         formulas,
         outside_catalogue,
         regimes: (outside.told.iter())
@@ -273,6 +282,24 @@ impl Diagnosed<'_> {
             }
         }
         names
+    }
+
+    /// The frames that are not where the description has them.
+    fn found_frames(&self) -> Vec<FoundFrame> {
+        let of = |(_, frame): &(usize, OtherFrame)| {
+            let joint = self.model.joint_name(frame.joint).to_owned();
+            let correction = |(quantity, value, std)| FrameCorrection {
+                quantity,
+                value,
+                std,
+            };
+            FoundFrame {
+                words: text::frame(&joint, frame),
+                joint,
+                corrections: frame.quantities().map(correction).collect(),
+            }
+        };
+        self.frames.iter().map(of).collect()
     }
 
     fn velocity_candidate(

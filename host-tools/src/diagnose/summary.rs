@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{Diagnosis, FoundFormula, LoadChangeReport, Verdict};
 use crate::catalogue;
-use crate::model::Robot;
+use crate::model::{LINK_GEOMETRY, Robot};
 use crate::summary::{POINTS, Summary, joints_in_words, torque, typed, word};
 
 /// Kinds of missing effects that the headline names, those of every drive last and together; of more it says how many, and the points name them.
@@ -48,13 +48,15 @@ impl Diagnosis {
         if self.bodies_instead {
             points.extend(bodies.clone());
         }
+        let frames = self.kinematics.split_first();
+        points.extend(frames.map(|(first, rest)| and_more(&first.words, rest.len())));
         points.extend(self.found_formulas());
         // What every drive has goes together, so that what few have is never folded away.
         let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
             missing.iter().partition(|m| m.is_plain());
         match &*beyond {
-            // A formula has its own point.
-            [one] if self.is_formula(one) => (),
+            // A formula has its own point, and so have frames.
+            [one] if self.is_formula(one) || one.effect == LINK_GEOMETRY => (),
             [one] => points.push(explained(one, &all)),
             beyond => points.extend(listed("beyond the drive", beyond, &all)),
         }
@@ -287,7 +289,8 @@ impl Diagnosis {
         let effects: Vec<String> = added.flat_map(of).collect();
         let model = word(model.unwrap_or(Path::new(NEW_MODEL)));
         let add = format!("proprio add {} -m {model}", effects.join(" "));
-        if add.chars().count() <= ONE_LINE {
+        // Where frames are no list of effects says.
+        if add.chars().count() <= ONE_LINE && self.kinematics.is_empty() {
             return add;
         }
         let logs = typed(&self.logs, None);

@@ -4,9 +4,10 @@ use std::fmt;
 
 use proprio_core::effect::Form;
 
-use super::{CandidateReport, Diagnosis, PathStep, Verdict};
+use super::{CandidateReport, Diagnosis, FoundFrame, PathStep, Verdict};
 use crate::catalogue;
 use crate::detect::black_box::{Explained, Inputs};
+use crate::detect::frame::OtherFrame;
 use crate::detect::load_change::LoadChange;
 use crate::detect::twist::{Beside, Twist};
 use crate::identify::OtherBody;
@@ -87,7 +88,8 @@ impl Diagnosis {
         for formula in &self.formulas {
             text += &format!("{}\n", formula.words());
         }
-        for sentence in self.bodies.iter().chain(&self.outside_catalogue) {
+        let frames = self.kinematics.iter().map(|frame| &frame.words);
+        for sentence in frames.chain(&self.bodies).chain(&self.outside_catalogue) {
             text += sentence;
             text.push('\n');
         }
@@ -152,10 +154,16 @@ impl fmt::Display for Diagnosis {
 /// Why the verdict, and what to do next.
 pub(super) fn reason(
     verdict: Verdict,
-    candidates: &[CandidateReport],
+    (candidates, frames): (&[CandidateReport], &[FoundFrame]),
     outside: &[String],
     still: &[&str],
 ) -> (String, String) {
+    if let ([frame, ..], true) = (frames, outside.is_empty()) {
+        return (
+            frame.words.clone(),
+            "proprio calibrate with measured poses, or diagnose with --apply for what these logs say".to_owned(),
+        );
+    }
     let best = candidates.iter().find(|c| c.significant);
     match (verdict, best) {
         (Verdict::Missing, Some(best)) if outside.is_empty() => (
@@ -179,6 +187,21 @@ pub(super) fn reason(
             "nothing: the model explains these data".to_owned(),
         ),
     }
+}
+
+/// Where a joint's frame is, that is not where the description has it.
+pub(super) fn frame(joint: &str, frame: &OtherFrame) -> String {
+    let [size, std] = frame.size();
+    let off = match frame.is_turned() {
+        true => format!(
+            "turned by {}°",
+            with_std(size.to_degrees(), std.to_degrees())
+        ),
+        false => format!("displaced by {} mm", with_std(1e3 * size, 1e3 * std)),
+    };
+    format!(
+        "{joint}: the joint's frame is {off} against the description: the kinematics differ (`proprio calibrate` measures them)"
+    )
 }
 
 /// What is said of an effect that would explain much with a value that cannot be.

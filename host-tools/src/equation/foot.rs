@@ -7,6 +7,7 @@ use crate::model::{Body, JointKind, Limb, Model};
 
 /// The end of a limb that touches the ground.
 pub(crate) struct Foot<'a> {
+    model: &'a Model,
     /// The limb's bodies.
     bodies: &'a [Body],
     /// Index of the first of them in the robot.
@@ -24,6 +25,7 @@ impl<'a> Foot<'a> {
         let last = bodies.last()?;
         let com = last.inertia.first_moment() / last.inertia.mass();
         Some(Self {
+            model,
             bodies,
             first: limb.bodies.start,
             point: last.foot.unwrap_or(com),
@@ -35,7 +37,7 @@ impl<'a> Foot<'a> {
     /// feel −Jᵀλ of a force λ (N) of the ground on the foot.
     pub(crate) fn jacobian(&self, base: &Transform<f64>, q: &[f64]) -> Matrix3xX<f64> {
         let mut frames: Vec<Transform<f64>> = Vec::with_capacity(self.bodies.len());
-        for (body, &q) in self.bodies.iter().zip(q) {
+        for (b, (body, &q)) in (self.first..).zip(self.bodies.iter().zip(q)) {
             let parent = body
                 .parent
                 .map_or(*base, |parent| frames[parent - self.first]);
@@ -46,7 +48,7 @@ impl<'a> Foot<'a> {
                     translation: Vector3::zeros(),
                 },
             };
-            frames.push(parent.compose(&body.placement).compose(&joint));
+            frames.push(parent.compose(&self.model.placement(b)).compose(&joint));
         }
         let mut jacobian = Matrix3xX::zeros(self.bodies.len());
         let mut next = self.bodies.len().checked_sub(1);

@@ -27,7 +27,7 @@ pub(crate) type Recoil = Vec<[f64; 2]>;
 /// That of each limb. A joint that was not recorded rests at zero.
 pub(crate) fn recoils(model: &Model, limbs: &[(&Limb, &Motion)]) -> Vec<Recoil> {
     let robot = model.robot();
-    let tree = FreeTree::new(*robot.base_inertia(), robot.bodies());
+    let tree = FreeTree::new(*robot.base_inertia(), &model.placed_bodies());
     by_number(0..limbs.len(), |own| recoil(&tree, limbs, own))
 }
 

@@ -21,13 +21,31 @@ pub(crate) struct LeftOver {
     told: DVector<f64>,
 }
 
+/// How far numbers are to go from where they are, in standard deviations before any data.
+pub(crate) struct Step {
+    pub(crate) by: Vec<f64>,
+    /// Standard deviations after the data, of independent residuals.
+    pub(crate) std: Vec<f64>,
+    /// By how much the sum of squares falls, in units of the joints' noise.
+    pub(crate) fall: f64,
+}
+
 impl LeftOver {
     /// What a fit leaves that predicts so; `None` if nothing determines it.
     pub(crate) fn of(fit: &LimbFit, predicted: &[f64]) -> Option<Self> {
+        Self::of_windows(fit, predicted, &|_| true)
+    }
+
+    /// The same of the windows that are chosen.
+    pub(crate) fn of_windows(
+        fit: &LimbFit,
+        predicted: &[f64],
+        chosen: &dyn Fn(usize) -> bool,
+    ) -> Option<Self> {
         let (data, n) = (fit.data, fit.data.joints());
         let all = data.motion.windows.len();
         let stride = all.div_ceil(MOST_WINDOWS).max(1);
-        let windows: Vec<usize> = (0..all).step_by(stride).collect();
+        let windows: Vec<usize> = (0..all).step_by(stride).filter(|w| chosen(*w)).collect();
         let weight = |j: usize| (stride as f64).sqrt() / fit.noise[j];
         let rows: Vec<(usize, usize, f64)> = (windows.iter().enumerate())
             .flat_map(|(at, &w)| (0..n).map(move |j| (at, w, j)))
@@ -81,6 +99,38 @@ impl LeftOver {
             1.0
         };
         (fall(share), share)
+    }
+
+    /// The least-squares coefficients of responses in the windows that are looked at, N m, joint by joint, each a step from where its number is `known`
+    /// to stand, in standard deviations before any data.
+    pub(crate) fn coefficients(
+        &self,
+        responses: &[Vec<f64>],
+        known: &[f64],
+        joints: usize,
+    ) -> Option<Step> {
+        let responses: Vec<&[f64]> = responses.iter().map(Vec::as_slice).collect();
+        let (square, right) = self.beside(&responses, joints);
+        let own = right.len();
+        let with_prior = (&square + DMatrix::identity(own, own)).cholesky()?;
+        let by = with_prior.solve(&(&right - DVector::from_column_slice(known)));
+        Some(Step {
+            fall: 2.0 * right.dot(&by) - by.dot(&(&square * &by)),
+            by: by.as_slice().to_vec(),
+            std: with_prior
+                .inverse()
+                .diagonal()
+                .map(f64::sqrt)
+                .as_slice()
+                .to_vec(),
+        })
+    }
+
+    /// Of a response of all windows, joint by joint, what it is in those that are looked at.
+    pub(crate) fn chosen(&self, response: &[f64], joints: usize) -> Vec<f64> {
+        let all = self.windows.iter();
+        let all = all.flat_map(|w| &response[w * joints..(w + 1) * joints]);
+        all.copied().collect()
     }
 
     /// The responses' scalar products with each other and with the residual, the model's own columns and the prior taken out of all.

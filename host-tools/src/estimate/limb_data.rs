@@ -391,6 +391,20 @@ impl<'a> LimbData<'a> {
         }
     }
 
+    /// The same data under the same model, some of its joints elsewhere.
+    pub(crate) fn with_geometry<'b>(&self, model: &'b Model) -> Option<LimbData<'b>>
+    where
+        'a: 'b,
+    {
+        Some(LimbData {
+            model,
+            body: Arc::new(LimbBody::of(model, self.limb)?),
+            integrals: Arc::default(),
+            directions: Arc::default(),
+            ..self.clone()
+        })
+    }
+
     /// What models predict, each of the windows of its own fold, N m.
     pub(crate) fn predicted_by_fold(&self, values: &[Values]) -> Vec<f64> {
         let parts = by_number(0..values.len(), |fold| {
@@ -653,6 +667,14 @@ impl Squares {
     /// Over all.
     pub(crate) fn total(&self) -> f64 {
         self.by_fold().iter().sum()
+    }
+
+    /// So many times as much.
+    pub(crate) fn times(&self, factor: f64) -> Self {
+        let scaled = |joints: &Vec<f64>| joints.iter().map(|square| factor * square).collect();
+        Self {
+            cells: self.cells.iter().map(scaled).collect(),
+        }
     }
 
     /// Over all in units of the joints' noise (N m).

@@ -126,7 +126,7 @@ impl Legged {
         let imu = model.imu();
         let of = |foot: &Foot| placed(robot, &limbs, foot);
         let placed: Vec<LeggedFoot> = feet.iter().map(of).collect::<Result<_, _>>()?;
-        let tree = FreeTree::new(*robot.base_inertia(), robot.bodies());
+        let tree = FreeTree::new(*robot.base_inertia(), &model.placed_bodies());
         let known = Robot::go2();
         let known_tree = FreeTree::new(*known.base_inertia(), known.bodies());
         let known_limbs = known.limbs();

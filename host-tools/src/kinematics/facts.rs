@@ -40,7 +40,7 @@ pub(super) enum Per {
 /// Frames off by some tenths of a mm and mrad: machining and assembly of links of 0.1–1 m leave that by ISO 2768-m (±0.1 mm to ±0.8 mm),
 /// and uncalibrated industrial robots miss by 1–10 mm at 2 m (Mooring, Roth & Driels 1991, ch. 1). The search scales it.
 pub(super) const LINK_GEOMETRY: Fact = Fact {
-    name: "link_geometry",
+    name: crate::model::LINK_GEOMETRY,
     quantities: &[
         Q::Shift(0),
         Q::Shift(1),

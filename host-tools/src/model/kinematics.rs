@@ -1,7 +1,8 @@
 //! What calibration knows of a robot: where the measuring system and the targets are, and by how much joint frames and transmissions differ
 //! from the description.
 //!
-//! Values are corrections: the description stays as it is, and `proprio export --urdf` adds them to its origins. Elasticity and backlash of a
+//! Values are corrections: the description stays as it is, and `proprio export --urdf` adds them to its origins. Dynamics are of the corrected frames
+//! ([`Model::placement`]). Elasticity and backlash of a
 //! joint are effects of the model like any other ([`Model::effect`]), because motion logs estimate the same numbers. Bends of links are measured by
 //! frequency responses too, which add what damps springs and bends.
 
@@ -9,9 +10,11 @@ use nalgebra::{Rotation3, Vector3};
 use proprio_core::effect::EffectKind;
 use proprio_core::spatial::Transform;
 
-use super::{Estimate, Impossible, Model, Witness, possible};
+use super::{Body, Estimate, Impossible, Model, Witness, possible};
 use crate::catalogue;
 
+/// What corrections of joint frames are called, where effects have their name.
+pub(crate) const LINK_GEOMETRY: &str = "link_geometry";
 /// What bends of links are called, where effects have their name.
 pub(crate) const LINK_ELASTICITY: &str = "link_elasticity";
 
@@ -269,6 +272,22 @@ impl Model {
         all.sort_by_key(place);
     }
 
+    /// The model with a joint's frame moved along these quantities (m, rad) from where it is, to the last digit.
+    pub(crate) fn with_frame_moved(&self, joint: usize, by: [(JointQuantity, f64); 3]) -> Self {
+        let mut moved = self.clone();
+        for (quantity, by) in by.into_iter().filter(|(_, by)| *by != 0.0) {
+            let known = self.correction(joint, quantity);
+            let value = known.map_or(0.0, |known| known.estimate.value) + by;
+            moved.place_correction(Correction {
+                joint,
+                quantity,
+                estimate: Estimate { value, std: None },
+                witnesses: [None; 3],
+            });
+        }
+        moved
+    }
+
     /// What damps a spring or bend of a joint, N m s/rad, if responses have measured it.
     pub fn spring_damping(&self, joint: usize, spring: JointQuantity) -> Option<Estimate> {
         let mut all = self.kinematics.dampers.iter();
@@ -316,6 +335,24 @@ impl Model {
         }
     }
 
+    /// Where a joint's frame is in its parent's: where the description has it, times what is known of its correction.
+    pub fn placement(&self, joint: usize) -> Transform<f64> {
+        let described = self.robot.bodies()[joint].placement;
+        match self.frame_correction(joint) {
+            Some(correction) => described.compose(&correction),
+            None => described,
+        }
+    }
+
+    /// The description's bodies, each where [`placement`](Self::placement) has it.
+    pub(crate) fn placed_bodies(&self) -> Vec<Body> {
+        let placed = |(joint, body): (usize, &Body)| Body {
+            placement: self.placement(joint),
+            ..body.clone()
+        };
+        self.robot.bodies().iter().enumerate().map(placed).collect()
+    }
+
     /// The correction of a joint's frame, in the frame itself: its placement is the description's times this. None where there is none.
     pub fn frame_correction(&self, joint: usize) -> Option<Transform<f64>> {
         let value = |quantity| self.joint_quantity(joint, quantity).map(|e| e.value);
@@ -335,5 +372,43 @@ pub(super) fn rounded(value: f64, std: f64) -> Estimate {
     Estimate {
         value: super::rounded(value),
         std: Some(super::rounded(std)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Robot;
+
+    /// A link that is held turned falls where its corrected frame has it, and one that is not corrected where the description does.
+    #[test]
+    fn dynamics_are_of_the_corrected_frames() {
+        let quantities = [0, 1, 2].map(JointQuantity::Turn);
+        let by = quantities.into_iter().zip([0.1, 0.0, -0.2]);
+        let by: Vec<_> = by.collect();
+        let model = Model::new(Robot::go2()).with_frame_moved(1, by.try_into().unwrap());
+        let limb = &model.robot().limbs()[0];
+        let placements = model
+            .limb_tree::<3>(limb)
+            .unwrap()
+            .bodies()
+            .map(|b| b.placement);
+        for (b, placement) in placements.iter().enumerate() {
+            let described = model.robot().bodies()[b].placement;
+            let turn = match b {
+                1 => *Rotation3::new(Vector3::new(0.1, 0.0, -0.2)).matrix(),
+                _ => nalgebra::Matrix3::identity(),
+            };
+            assert_eq!(placement.rotation, described.rotation * turn, "{b}");
+            assert_eq!(placement.translation, described.translation, "{b}");
+        }
+        // Moved once more, it is where both together have it.
+        let more = model.with_frame_moved(1, [0, 1, 2].map(|k| (JointQuantity::Turn(k), 0.1)));
+        let value = |k| {
+            more.joint_quantity(1, JointQuantity::Turn(k))
+                .unwrap()
+                .value
+        };
+        assert!((value(0) - 0.2).abs() < 1e-15 && (value(2) + 0.1).abs() < 1e-15);
     }
 }

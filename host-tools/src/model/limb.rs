@@ -23,12 +23,14 @@ pub struct ModelParameter {
 impl Model {
     /// A limb as the core's tree, with the model's inertial parameters; `None` if the limb does not have `B` bodies.
     pub fn limb_tree<const B: usize>(&self, limb: &Limb) -> Option<Tree<f64, B, B>> {
-        self.robot.limb_tree(limb, |b| *self.inertia(b))
+        self.robot
+            .limb_tree(limb, |b| (self.placement(b), *self.inertia(b)))
     }
 
     /// The same, filled up to `B` bodies by some without mass that hang on the last one; `None` for a limb of more.
     pub(crate) fn filled_limb_tree<const B: usize>(&self, limb: &Limb) -> Option<Tree<f64, B, B>> {
-        self.robot.filled_limb_tree(limb, |b| *self.inertia(b))
+        self.robot
+            .filled_limb_tree(limb, |b| (self.placement(b), *self.inertia(b)))
     }
 
     /// The effects that the model has at a limb's joints, in the order of the core's θ.

@@ -423,15 +423,15 @@ impl Robot {
             .collect()
     }
 
-    /// A limb as the core's tree, with the given inertial parameters of all the robot's bodies.
+    /// A limb as the core's tree, with the given joint frames and inertial parameters of the robot's bodies.
     ///
     /// `None` if the limb does not have `B` bodies.
     pub(super) fn limb_tree<const B: usize>(
         &self,
         limb: &Limb,
-        inertia: impl Fn(usize) -> InertialParameters<f64>,
+        own: impl Fn(usize) -> (Transform<f64>, InertialParameters<f64>),
     ) -> Option<Tree<f64, B, B>> {
-        let bodies = self.limb_bodies(limb, inertia);
+        let bodies = self.limb_bodies(limb, own);
         Tree::new(bodies.collect::<Vec<_>>().try_into().ok()?).ok()
     }
 
@@ -439,9 +439,9 @@ impl Robot {
     pub(super) fn filled_limb_tree<const B: usize>(
         &self,
         limb: &Limb,
-        inertia: impl Fn(usize) -> InertialParameters<f64>,
+        own: impl Fn(usize) -> (Transform<f64>, InertialParameters<f64>),
     ) -> Option<Tree<f64, B, B>> {
-        let mut bodies: Vec<tree::Body<f64>> = self.limb_bodies(limb, inertia).collect();
+        let mut bodies: Vec<tree::Body<f64>> = self.limb_bodies(limb, own).collect();
         while bodies.len() < B {
             bodies.push(tree::Body {
                 parent: bodies.len().checked_sub(1),
@@ -457,7 +457,7 @@ impl Robot {
     fn limb_bodies(
         &self,
         limb: &Limb,
-        inertia: impl Fn(usize) -> InertialParameters<f64>,
+        own: impl Fn(usize) -> (Transform<f64>, InertialParameters<f64>),
     ) -> impl Iterator<Item = tree::Body<f64>> {
         let first = limb.bodies.start;
         limb.bodies.clone().map(move |b| {
@@ -466,11 +466,12 @@ impl Robot {
                 JointKind::Revolute | JointKind::Continuous => Joint::Revolute(body.axis),
                 JointKind::Prismatic => Joint::Prismatic(body.axis),
             };
+            let (placement, inertia) = own(b);
             tree::Body {
                 parent: body.parent.map(|parent| parent - first),
-                placement: body.placement,
+                placement,
                 joint,
-                inertia: inertia(b),
+                inertia,
             }
         })
     }

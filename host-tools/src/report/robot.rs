@@ -35,15 +35,16 @@ pub(super) fn drawing(model: &Model, joints: &[DrawnJoint]) -> String {
     let bodies = model.robot().bodies();
     let mut frames: Vec<Transform<f64>> = Vec::new();
     let mut links: Vec<(usize, [Vector3<f64>; 2])> = Vec::new();
-    for body in bodies {
+    for (b, body) in bodies.iter().enumerate() {
+        let placement = model.placement(b);
         let parent = body.parent.map_or_else(Transform::identity, |p| frames[p]);
         let q = joints
             .iter()
             .find(|j| j.name == body.name)
             .map_or(0.0, |j| j.q);
         let mut frame = Transform {
-            rotation: parent.rotation * body.placement.rotation,
-            translation: parent.translation + parent.rotation * body.placement.translation,
+            rotation: parent.rotation * placement.rotation,
+            translation: parent.translation + parent.rotation * placement.translation,
         };
         match body.kind {
             JointKind::Prismatic => frame.translation += frame.rotation * body.axis * q,

@@ -58,6 +58,7 @@ pub(super) fn diagnosis(
         _ => reason(&candidates, missing, logs, &robot.names),
     };
     Some(Diagnosis {
+        kinematics: Vec::new(),
         verdict: if missing {
             Verdict::Missing
         } else {

@@ -29,7 +29,7 @@ pub(super) fn urdf(model: &Model, effects: &[JointAttribute]) -> String {
             .parent
             .map_or(robot.base_link(), |p| &robot.bodies()[p].link_name);
         let effects: Vec<_> = effects.iter().filter(|e| e.joint == b).collect();
-        let placement = corrected(model, b, &body.placement);
+        let placement = model.placement(b);
         push_joint(&mut out, (body, &placement), parent, &effects);
     }
     out + "</robot>\n"
@@ -43,14 +43,6 @@ fn push_link(out: &mut String, name: &str, phi: &InertialParameters<f64>) {
         *out += &format!("  <link name=\"{name}\">\n    {inertial}\n  </link>\n");
     } else {
         *out += &format!("  <link name=\"{name}\"/>\n");
-    }
-}
-
-/// Where a joint is by the calibration: its placement times the correction in its own frame.
-pub(super) fn corrected(model: &Model, joint: usize, place: &Transform<f64>) -> Transform<f64> {
-    match model.frame_correction(joint) {
-        Some(correction) => place.compose(&correction),
-        None => *place,
     }
 }
 
@@ -172,7 +164,7 @@ pub(super) fn mjcf(model: &Model, stated: &Stated) -> String {
             let _ = writeln!(out, "{}</body>", "  ".repeat(open.len() + 3));
         }
         let indent = "  ".repeat(open.len() + 3);
-        let placement = corrected(model, b, &body.placement);
+        let placement = model.placement(b);
         let _ = writeln!(
             out,
             "{indent}<body name=\"{}\" pos=\"{}\"{}>",

@@ -9,7 +9,7 @@ fn the_go2_falls_apart_into_its_legs() {
     assert_eq!(limbs.len(), 4);
     for (limb, leg) in limbs.iter().zip(Leg::ALL) {
         assert_eq!(limb.name, leg.name());
-        let cad = |b: usize| robot.bodies()[b].inertia;
+        let cad = |b: usize| (robot.bodies()[b].placement, robot.bodies()[b].inertia);
         assert_eq!(robot.limb_tree::<3>(limb, cad), Some(go2::leg(leg)));
         assert_eq!(robot.limb_tree::<4>(limb, cad), None);
     }

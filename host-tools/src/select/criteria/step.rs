@@ -160,6 +160,15 @@ pub(crate) fn does_as_well(one: f64, two: f64) -> bool {
     one <= SAME * two
 }
 
+/// Whether a joint's frame that is elsewhere is the cause instead of so many effects (errors in units of the joints' noise): one cause before two, and
+/// of one effect, which may be the same by another name, where it predicts better by what a step is worth.
+pub(crate) fn is_frame(frame: f64, effects: f64, count: usize) -> bool {
+    match count {
+        0 | 1 => is_less(frame, effects),
+        _ => does_as_well(frame, effects),
+    }
+}
+
 /// Whether a search that begins with every drive's effects is to go on where another has ended: a search finds by small steps what is better
 /// yet. `torque` is the sum of squares of all that was measured, (N m)².
 pub(crate) fn begins_below(begin: f64, end: f64, torque: f64) -> bool {

@@ -89,6 +89,11 @@ fn answer(question: &str, asked: &str) -> String {
         }
         "drive" => yes(step::bears_a_drive(&errors(asked)[1], &errors(asked)[0])),
         "one cause" => yes(step::does_as_well(numbers()[1], numbers()[0])),
+        "frame" => yes(step::is_frame(
+            numbers()[0],
+            numbers()[1],
+            numbers()[2] as usize,
+        )),
         "begin" => yes(step::begins_below(numbers()[0], numbers()[1], numbers()[2])),
         "held" => yes(step::is_held(numbers()[0])),
         "most" => yes(step::are_most(numbers()[0] as usize, numbers()[1] as usize)),
