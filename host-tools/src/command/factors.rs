@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use clap::error::ErrorKind;
@@ -10,6 +9,7 @@ use serde::Serialize;
 
 use super::result::result;
 use super::{Error, model_or_default, usage_error};
+use crate::clock::unix_time;
 use crate::fleet::make::BLOCK;
 use crate::fleet::{Block, Gate, Origin, blocks_of_log, table};
 use crate::progress::Progress;
@@ -89,13 +89,12 @@ impl MakeBlocks {
             usage_error("factors", ErrorKind::ValueValidation, message.to_owned());
         }
         let model = model_or_default(self.model.as_deref(), false)?;
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let origin = Origin {
             robot: self.robot.clone(),
             site: self.site.clone(),
             firmware: self.firmware.clone(),
             begin: self.begin,
-            received: now.map_or(0.0, |now| now.as_secs_f64().floor()),
+            received: unix_time().as_secs_f64().floor(),
         };
         let (mut gate, mut all, mut logs) = (Gate::default(), Vec::new(), Vec::new());
         for log in &self.logs {

@@ -6,7 +6,7 @@ use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::parameter;
 use crate::summary::{by_kind, joints_in_words};
-use crate::table::Table;
+use crate::table::{RangeValue, Table, range};
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
 /// A value at its bound has a `*`.
@@ -30,44 +30,17 @@ pub(super) fn drive_rows<'a>(
     for (kind, members) in by_kind(joints) {
         let cell = |effect: &EffectKind| {
             let estimates = members.iter().filter_map(|joint| of(*effect, joint));
-            range(&estimates.collect::<Vec<_>>())
+            let values = estimates.map(|e| RangeValue {
+                value: e.value,
+                std: Some(e.std),
+                at_bound: e.at_bound,
+            });
+            range(&values.collect::<Vec<_>>()).unwrap_or_else(|| "–".to_owned())
         };
         table.row([kind].into_iter().chain(effects.iter().map(cell)));
     }
     let text = table.to_string();
     text.lines().map(|line| format!("  {line}")).collect()
-}
-
-/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation; with a `*` at its bound.
-fn range(estimates: &[&ParameterEstimate]) -> String {
-    let decimals = estimates
-        .iter()
-        .filter(|e| e.std > 0.0)
-        .map(|e| (1.0 - e.std.log10().floor()).clamp(0.0, 5.0) as usize);
-    let decimals = decimals.max().unwrap_or(4);
-    let one = |e: &ParameterEstimate| match (e.at_bound, e.value == 0.0) {
-        (true, true) => "0*".to_owned(),
-        (true, false) => format!("{:.decimals$}*", e.value),
-        (false, _) => format!("{:.decimals$}", e.value),
-    };
-    let by_value = |a: &&&ParameterEstimate, b: &&&ParameterEstimate| a.value.total_cmp(&b.value);
-    match estimates {
-        [] => "–".to_owned(),
-        [e] => one(e),
-        _ => {
-            let ends = [
-                estimates.iter().min_by(by_value),
-                estimates.iter().max_by(by_value),
-            ];
-            let [low, high] = ends.map(|end| end.map_or_else(String::new, |e| one(e)));
-            match low == high {
-                true => low,
-                // A dash before a minus is hard to read.
-                false if high.starts_with('-') => format!("{low} to {high}"),
-                false => format!("{low}–{high}"),
-            }
-        }
-    }
 }
 
 /// The effects beyond the drive, each with its joints.
