@@ -14,6 +14,9 @@ use crate::fleet::make::BLOCK;
 use crate::fleet::{Block, Gate, Origin, blocks_of_log, table};
 use crate::progress::Progress;
 
+/// The greatest `--begin`, s since 1970: the year 2286. The same time in ms or ns lies far beyond.
+const MOST_UNIX_TIME: f64 = 1e10;
+
 /// Reduce logs to factors: blocks of time of one robot, in a table that a fleet's share
 ///
 /// A block is a few kilobytes and says of every model of plain effects what its part of the log says, without the data. Questions of many logs and
@@ -37,7 +40,7 @@ pub(crate) struct MakeBlocks {
     #[arg(long, value_name = "VERSION")]
     firmware: Option<String>,
     /// Unix time of the log's first row, s, if the log's own clock does not have it
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = super::simulate::within(0.0, MOST_UNIX_TIME))]
     begin: Option<f64>,
     /// Length of a block, s
     #[arg(long, value_name = "SECONDS", default_value_t = BLOCK, value_parser = super::simulate::within(10.0, 86_400.0))]
