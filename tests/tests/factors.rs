@@ -144,7 +144,11 @@ fn what_does_not_belong_together_is_refused_with_name_and_fix() {
         "{cut}"
     );
     let none = refusal(folder, &["identify", "--blocks", "1.csv"]);
-    assert!(none.contains("1.csv: cut or damaged"), "{none}");
+    assert!(
+        none.contains("1.csv: no table of blocks (proprio.blocks/1)")
+            && none.contains("hint: make the table from a log: proprio factors LOG --robot"),
+        "{none}"
+    );
     let none = refusal(folder, &["identify", "--blocks", "none.parquet"]);
     assert!(none.contains("none.parquet: No such file"), "{none}");
 }
