@@ -10,9 +10,9 @@ use crate::table::{RangeValue, Table, range};
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
 /// A value at its bound has a `*`.
-pub(super) fn drive_rows<'a>(
+pub(crate) fn drive_rows(
     joints: &[String],
-    find: impl Fn(&str) -> Option<&'a ParameterEstimate>,
+    find: impl Fn(&str) -> Option<RangeValue>,
 ) -> Vec<String> {
     let of = |effect: EffectKind, joint: &String| find(&parameter::name_at(effect.name(), joint));
     let has = |effect: &EffectKind| joints.iter().any(|joint| of(*effect, joint).is_some());
@@ -29,18 +29,23 @@ pub(super) fn drive_rows<'a>(
     );
     for (kind, members) in by_kind(joints) {
         let cell = |effect: &EffectKind| {
-            let estimates = members.iter().filter_map(|joint| of(*effect, joint));
-            let values = estimates.map(|e| RangeValue {
-                value: e.value,
-                std: Some(e.std),
-                at_bound: e.at_bound,
-            });
+            let values = members.iter().filter_map(|joint| of(*effect, joint));
             range(&values.collect::<Vec<_>>()).unwrap_or_else(|| "–".to_owned())
         };
         table.row([kind].into_iter().chain(effects.iter().map(cell)));
     }
     let text = table.to_string();
     text.lines().map(|line| format!("  {line}")).collect()
+}
+
+impl From<&ParameterEstimate> for RangeValue {
+    fn from(of: &ParameterEstimate) -> Self {
+        Self {
+            value: of.value,
+            std: Some(of.std),
+            at_bound: of.at_bound,
+        }
+    }
 }
 
 /// The effects beyond the drive, each with its joints.
@@ -85,7 +90,10 @@ pub(super) fn not_identified(
 }
 
 /// `armature (all hips), coulomb (FR_calf)`.
-fn by_effect<'a>(places: impl Iterator<Item = (&'a str, &'a str)>, joints: &[String]) -> String {
+pub(crate) fn by_effect<'a>(
+    places: impl Iterator<Item = (&'a str, &'a str)>,
+    joints: &[String],
+) -> String {
     let mut effects: Vec<(&str, Vec<String>)> = Vec::new();
     for (effect, joint) in places {
         match effects.iter_mut().find(|(known, _)| *known == effect) {
@@ -144,7 +152,7 @@ mod tests {
             .enumerate()
             .map(|(n, joint)| estimate(&format!("coulomb:{joint}"), 0.1 * n as f64, n == 0))
             .collect();
-        let find = |name: &str| all.iter().find(|e| e.name == name);
+        let find = |name: &str| all.iter().find(|e| e.name == name).map(RangeValue::from);
         let rows = drive_rows(&joints, find);
         assert_eq!(rows.len(), 4, "{rows:#?}");
         assert!(rows[1].ends_with("0*–0.900"), "{rows:#?}");
@@ -162,7 +170,9 @@ mod tests {
             estimate("coulomb:shoulder", 0.5, false),
             estimate("coulomb:elbow", 0.25, false),
         ];
-        let rows = drive_rows(&joints, |name| all.iter().find(|e| e.name == name));
+        let rows = drive_rows(&joints, |name| {
+            all.iter().find(|e| e.name == name).map(RangeValue::from)
+        });
         assert_eq!(rows.len(), 3);
         assert!(rows[1].ends_with("0.500"), "{rows:#?}");
     }

@@ -8,7 +8,7 @@ use crate::estimate::{ParameterEstimate, Status};
 use crate::identify::screen;
 use crate::parameter;
 use crate::summary::{Summary, torque, typed, word};
-use crate::table::{Table, with_std};
+use crate::table::{RangeValue, Table, with_std};
 
 impl FreeBaseIdentification {
     /// The first screen: the robot's mass, the error, the trunk, what every drive has. `file`: the model that was fitted; `written`: the file
@@ -26,7 +26,7 @@ impl FreeBaseIdentification {
         };
         let mut rows = self.quantity_rows();
         rows.extend(screen::drive_rows(&self.joints, |name| {
-            self.parameter(name)
+            self.parameter(name).map(RangeValue::from)
         }));
         let open = screen::not_identified(&all, &self.joints).unwrap_or_default();
         let points = vec![

@@ -7,6 +7,7 @@ use super::text::{between, unphysical};
 use crate::estimate::ParameterEstimate;
 use crate::identify::screen;
 use crate::summary::{POINTS, Summary, from_standard_input, torque, typed, word};
+use crate::table::RangeValue;
 
 impl Fitted {
     /// The first screen: the error, what every drive has, what is not identified. `file`: the model that was fitted; `written`: the file
@@ -42,7 +43,7 @@ impl Fitted {
         };
         Summary {
             headline: self.first_line(),
-            rows: screen::drive_rows(&joints, |name| self.parameter(name)),
+            rows: screen::drive_rows(&joints, |name| self.parameter(name).map(RangeValue::from)),
             points: points.take(POINTS).collect(),
             next: next.into_iter().collect(),
         }
