@@ -272,6 +272,16 @@ pub fn typed(logs: &[PathBuf], model: Option<&Path>) -> String {
     words.join(" ")
 }
 
+/// The command that writes a model for MuJoCo, beside where it is typed.
+pub(crate) fn export_command(model: &Path) -> String {
+    let file = Path::new(model.file_name().unwrap_or_default()).with_extension("xml");
+    format!(
+        "proprio export -m {} --mjcf -o {}",
+        word(model),
+        word(&file)
+    )
+}
+
 /// Whether any log is standard input, which is read once: no other command can be printed for it.
 pub(crate) fn from_standard_input(logs: &[PathBuf]) -> bool {
     logs.iter().any(|log| log.as_os_str() == "-")

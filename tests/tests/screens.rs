@@ -133,6 +133,11 @@ fn every_command_that_a_screen_prints_runs() {
     let begun = lines.clone().count();
     let seen = run_all(&folder, lines.map(str::to_owned));
     assert!(seen.len() >= begun + 5, "{seen:#?}");
+    // A fit that was written goes to where it is used: its own logs do not judge it.
+    assert!(
+        seen.contains("proprio export -m fitted.toml --mjcf -o fitted.xml"),
+        "{seen:#?}"
+    );
     for kind in ["diagnose", "compare", "advise", "excite"] {
         let is_kind = |line: &String| line.starts_with(&format!("proprio {kind} "));
         assert!(

@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::output;
 use crate::progress::Underway;
 use crate::report::pages;
-use crate::spectrum::{Frf as Responses, frf};
+use crate::spectrum::{Did, Frf as Responses, frf};
 
 /// Find springs and dampers between motors and links from periodic excitation
 ///
@@ -83,7 +83,12 @@ impl Frf {
     }
 
     fn text(&self, found: &Responses) -> String {
-        let summary = found.summary(self.model.as_deref(), self.apply);
+        let did = match (self.apply, &self.output, &self.html) {
+            (true, ..) => Did::Applied,
+            (_, None, None) => Did::Printed,
+            _ => Did::Written,
+        };
+        let summary = found.summary(self.model.as_deref(), did);
         let model = self.model.as_ref().filter(|_| self.apply);
         let written = model.into_iter().chain(&self.output);
         let wrote: Vec<String> = written

@@ -1,11 +1,13 @@
 //! What the first screens of `identify` have in common: values by kinds of joints, and which of them the logs do not identify.
 
+use std::path::Path;
+
 use proprio_core::effect::EffectKind;
 
 use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::parameter;
-use crate::summary::{by_kind, joints_in_words};
+use crate::summary::{by_kind, export_command, joints_in_words, word};
 use crate::table::{RangeValue, Table, range};
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
@@ -87,6 +89,24 @@ pub(super) fn not_identified(
         ));
     }
     (!words.is_empty()).then(|| words.join(" "))
+}
+
+/// The command after a fit that was written: another log, which would judge it, has no name yet, so it is that which takes the model to where it is used;
+/// a model of one log's time is for no simulator, and is shown.
+pub(super) fn next_of_written(estimates: &[&ParameterEstimate], written: &Path) -> String {
+    let over_time = |estimate: &&ParameterEstimate| {
+        let what = estimate.name.split([':', '.']).next()?;
+        catalogue::formula_of(catalogue::effect_named(what)?)?.over_time()
+    };
+    match estimates.iter().find_map(over_time) {
+        Some(_) => format!("proprio show {}", word(written)),
+        None => export_command(written),
+    }
+}
+
+/// What to do with a fit that was written, before anything else.
+pub(super) fn check(written: Option<&Path>) -> &'static str {
+    written.map_or("", |_| " Compare the file with another log.")
 }
 
 /// `armature (all hips), coulomb (FR_calf)`.
