@@ -17,7 +17,7 @@ use crate::progress::Progress;
 /// The greatest `--begin`, s since 1970: the year 2286. The same time in ms or ns lies far beyond.
 const MOST_UNIX_TIME: f64 = 1e10;
 
-/// Reduce logs to factors: blocks of time of one robot, in a table that a fleet's share
+/// Reduce logs to factors: a table of one robot's blocks of time
 ///
 /// A block is a few kilobytes and says of every model of plain effects what its part of the log says, without the data. Questions of many logs and
 /// robots are answered from such tables: `identify --blocks`. The base is fixed; the robot is that of -m, else a Go2.
