@@ -52,13 +52,14 @@ fn blocks_of_a_log_hold_what_the_log_says_of_effects_that_nobody_asked_for() {
     assert!(screen.starts_with("one: 6 blocks, 48 values of a plain drive\n"));
     let is_narrow = |line: &str| line.chars().count() <= 80;
     assert!(screen.lines().count() <= 15 && screen.lines().all(is_narrow));
-    for part in [
-        "  hips ",
-        "by chance): spring (FL_thigh)",
-        "\nNext: proprio effects spring\nMore: --verbose",
-    ] {
-        assert!(screen.contains(part), "{part}: {screen}");
+    let words = screen.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in ["hips", "by chance): spring (FL_thigh)", "More: --verbose"] {
+        assert!(words.contains(part), "{part}: {screen}");
     }
+    assert!(
+        screen.contains("\nNext: proprio effects spring\n"),
+        "{screen}"
+    );
     done(folder, &["effects", "spring"]);
     let words = [
         "identify",

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode, file_name};
 use crate::model::{JointQuantity, LINK_ELASTICITY};
 use crate::robust::median;
-use crate::summary::{Summary, ValueLine, export_command, quoted, short, typed, value_lines};
+use crate::summary::{Summary, ValueLine, quoted, short, typed, value_lines, word};
 
 /// A value ± its standard deviation, whose first two digits say how many the value has.
 fn with_std(of: Estimated) -> String {
@@ -88,7 +88,8 @@ impl Frf {
     fn next(&self, model: Option<&Path>, did: Did) -> Option<String> {
         let logs = typed(&self.logs, model);
         match (did, model) {
-            (Did::Applied, Some(model)) => Some(export_command(model)),
+            // No simulator's file has a word for these springs.
+            (Did::Applied, Some(model)) => Some(format!("proprio show {}", word(model))),
             (_, Some(_)) if self.error().after.is_some() => {
                 let few = self
                     .few
