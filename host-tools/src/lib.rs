@@ -8,6 +8,7 @@
 pub mod advise;
 pub mod capture;
 pub mod catalogue;
+mod clock;
 pub mod command;
 pub mod compare;
 pub mod detect;

@@ -253,6 +253,29 @@ pub(crate) fn joints_in_words(joints: &[String], all: &[String]) -> String {
     }
 }
 
+/// `EFFECT:JOINT`s by effects: `coulomb (all calves), bias:FR_hip`; joints that have no word in common are named.
+pub(crate) fn places_in_words(places: &[String], all: &[String]) -> String {
+    let mut effects: Vec<(&str, Vec<String>)> = Vec::new();
+    for place in places {
+        let (effect, joint) = place.split_once(':').unwrap_or((place, ""));
+        match effects.iter_mut().find(|(known, _)| *known == effect) {
+            Some((_, joints)) => joints.push(joint.to_owned()),
+            None => effects.push((effect, vec![joint.to_owned()])),
+        }
+    }
+    let words = effects.iter().map(|(effect, joints)| match &joints[..] {
+        [joint] => format!("{effect}:{joint}"),
+        _ => match joints_in_words(joints, all) {
+            // Only how many they are.
+            count if count == format!("{} joints", joints.len()) => {
+                format!("{effect} ({})", joints.join(", "))
+            }
+            words => format!("{effect} ({words})"),
+        },
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
 /// `calves and hips`
 fn plural(kinds: &[String]) -> String {
     let many = |kind: &String| match kind.strip_suffix('f') {
@@ -270,6 +293,16 @@ pub fn typed(logs: &[PathBuf], model: Option<&Path>) -> String {
         words.extend(["-m".to_owned(), word(model)]);
     }
     words.join(" ")
+}
+
+/// The command that writes a model for MuJoCo, beside where it is typed.
+pub(crate) fn export_command(model: &Path) -> String {
+    let file = Path::new(model.file_name().unwrap_or_default()).with_extension("xml");
+    format!(
+        "proprio export -m {} --mjcf -o {}",
+        word(model),
+        word(&file)
+    )
 }
 
 /// Whether any log is standard input, which is read once: no other command can be printed for it.
@@ -319,6 +352,26 @@ mod tests {
         assert_eq!(
             joints_in_words(&names("FR_calf"), &names("FR_hip FR_thigh FR_calf")),
             "FR_calf"
+        );
+    }
+
+    #[test]
+    fn places_are_listed_by_effects() {
+        let all = names("FR_hip FR_thigh FR_calf FL_hip FL_thigh FL_calf");
+        let said = |places: &str| places_in_words(&names(places), &all);
+        assert_eq!(
+            said("coulomb:FR_calf bias:FR_hip coulomb:FL_calf base_tilt:base"),
+            "coulomb (all calves), bias:FR_hip, base_tilt:base"
+        );
+        assert_eq!(
+            said(
+                "viscous:FR_hip viscous:FR_thigh viscous:FR_calf viscous:FL_hip viscous:FL_thigh viscous:FL_calf"
+            ),
+            "viscous (all joints)"
+        );
+        assert_eq!(
+            said("bias:FR_hip bias:FR_thigh bias:FL_hip bias:FL_calf"),
+            "bias (FR_hip, FR_thigh, FL_hip, FL_calf)"
         );
     }
 

@@ -47,6 +47,43 @@ pub fn with_std(value: f64, std: f64) -> String {
     format!("{value:.decimals$} ±{std:.decimals$}")
 }
 
+/// A value of a range.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RangeValue {
+    /// The value.
+    pub(crate) value: f64,
+    /// Its standard deviation, where that is known.
+    pub(crate) std: Option<f64>,
+    /// Whether it is held at its bound.
+    pub(crate) at_bound: bool,
+}
+
+/// Decimals of values whose standard deviation is not known.
+const DECIMALS: usize = 4;
+
+/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation; with a `*` at its bound. None of no value.
+pub(crate) fn range(values: &[RangeValue]) -> Option<String> {
+    let stds = values.iter().filter_map(|of| of.std);
+    let decimals = stds
+        .filter(|std| *std > 0.0)
+        .map(|std| (1.0 - std.log10().floor()).clamp(0.0, 5.0) as usize);
+    let decimals = decimals.max().unwrap_or(DECIMALS);
+    let one = |of: &RangeValue| match (of.at_bound, of.value == 0.0) {
+        (true, true) => "0*".to_owned(),
+        (true, false) => format!("{:.decimals$}*", of.value),
+        (false, _) => format!("{:.decimals$}", of.value),
+    };
+    let by_value = |a: &&RangeValue, b: &&RangeValue| a.value.total_cmp(&b.value);
+    let low = one(values.iter().min_by(by_value)?);
+    let high = one(values.iter().max_by(by_value)?);
+    Some(match low == high {
+        true => low,
+        // A dash before a minus is hard to read.
+        false if high.starts_with('-') => format!("{low} to {high}"),
+        false => format!("{low}–{high}"),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,5 +106,24 @@ mod tests {
         assert_eq!(with_std(-1.5, 0.25), "-1.50 ±0.25");
         assert_eq!(with_std(12.0, 30.0), "12 ±30");
         assert_eq!(with_std(1.0, 0.0), "1.0000 ±0.0000");
+    }
+
+    #[test]
+    fn a_range_has_the_digits_of_its_smallest_deviation() {
+        let of = |value: f64, std: Option<f64>, at_bound: bool| RangeValue {
+            value,
+            std,
+            at_bound,
+        };
+        let [known, sure] = [of(0.2109, Some(0.02), false), of(0.0431, Some(0.3), false)];
+        assert_eq!(range(&[known, sure]).as_deref(), Some("0.043–0.211"));
+        assert_eq!(range(&[known]).as_deref(), Some("0.211"));
+        assert_eq!(
+            range(&[of(0.0, Some(0.02), true), known]).as_deref(),
+            Some("0*–0.211")
+        );
+        let unknown = [-0.25, -0.125].map(|value| of(value, None, false));
+        assert_eq!(range(&unknown).as_deref(), Some("-0.2500 to -0.1250"));
+        assert_eq!(range(&[]), None);
     }
 }

@@ -84,6 +84,45 @@ fn wrong_usage_has_status_2_and_says_what_would_be_right() {
     insta::assert_snapshot!(texts);
 }
 
+/// What is no number, or beyond what the option can mean, is refused before any work.
+#[test]
+fn numbers_that_cannot_be_are_refused() {
+    let folder = folder();
+    let factors = "factors log.csv --robot one -o one.parquet";
+    let options = [
+        (factors, "--begin"),
+        (factors, "--block"),
+        ("capture sim -o FR.cap", "--seconds"),
+        ("record sim -o log.csv", "--seconds"),
+        ("monitor sim", "--seconds"),
+        ("monitor sim", "--speed"),
+        ("excite -o motion.csv", "--velocity-share"),
+        ("excite -o motion.csv", "--torque-share"),
+        ("excite -o motion.csv", "--duration"),
+        ("excite -o motion.csv", "--kp"),
+        ("simulate -o log.csv", "--noise"),
+        ("simulate -o log.csv", "--rate"),
+    ];
+    for (command, option) in options {
+        for number in ["nan", "inf", "-inf", "-1", "1e300"] {
+            let given = format!("{option}={number}");
+            let words: Vec<&str> = command.split(' ').chain([given.as_str()]).collect();
+            let output = proprio(folder.path(), &words);
+            assert_eq!(output.status.code(), Some(2), "{words:?}");
+            let said = stderr(&output);
+            assert!(said.contains("must lie between"), "{words:?}: {said}");
+        }
+    }
+    // Unix time in ms.
+    let words: Vec<&str> = factors.split(' ').collect();
+    let output = proprio(
+        folder.path(),
+        &[&words[..], &["--begin", "1790000000000"]].concat(),
+    );
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn the_demo_finds_what_it_hid() {
     let folder = folder();

@@ -48,6 +48,28 @@ fn blocks_of_a_log_hold_what_the_log_says_of_effects_that_nobody_asked_for() {
         (&printed["robot"], &printed["count"]),
         (&Value::from("one"), &Value::from(6))
     );
+    let screen = done(folder, &["identify", "--blocks", "1.parquet", "2.parquet"]);
+    assert!(screen.starts_with("one: 6 blocks, 48 values of a plain drive\n"));
+    let is_narrow = |line: &str| line.chars().count() <= 80;
+    assert!(screen.lines().count() <= 15 && screen.lines().all(is_narrow));
+    let words = screen.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in ["hips", "by chance): spring (FL_thigh)", "More: --verbose"] {
+        assert!(words.contains(part), "{part}: {screen}");
+    }
+    assert!(
+        screen.contains("\nNext: proprio effects spring\n"),
+        "{screen}"
+    );
+    done(folder, &["effects", "spring"]);
+    let words = [
+        "identify",
+        "--blocks",
+        "1.parquet",
+        "2.parquet",
+        "--verbose",
+    ];
+    let whole = done(folder, &words);
+    assert!(whole.contains("\n+ spring:FL_thigh"), "{whole}");
     // The spring that no model named: its column is there.
     let spring = value(&printed, "spring:FL_thigh");
     let [value, std] = ["value", "std"].map(|key| spring[key].as_f64().unwrap());
@@ -144,7 +166,11 @@ fn what_does_not_belong_together_is_refused_with_name_and_fix() {
         "{cut}"
     );
     let none = refusal(folder, &["identify", "--blocks", "1.csv"]);
-    assert!(none.contains("1.csv: cut or damaged"), "{none}");
+    assert!(
+        none.contains("1.csv: no table of blocks (proprio.blocks/1)")
+            && none.contains("hint: make the table from a log: proprio factors LOG --robot"),
+        "{none}"
+    );
     let none = refusal(folder, &["identify", "--blocks", "none.parquet"]);
     assert!(none.contains("none.parquet: No such file"), "{none}");
 }

@@ -356,6 +356,22 @@ fn an_elastic_robot_is_compared_once_its_file_has_springs_and_dampers() {
     for ((rigid, _), (elastic, _)) in rigid.iter().zip(&elastic) {
         assert!(*elastic < 0.3 * rigid, "{rigid} {elastic}");
     }
+    // What each screen proposes runs, and is not what was typed.
+    let next = |words: &str| {
+        let screen = done(folder, &words.split(' ').collect::<Vec<_>>());
+        let found = screen
+            .lines()
+            .find_map(|line| line.strip_prefix("Next: proprio "));
+        found.map(str::to_owned)
+    };
+    let page = "frf frf.csv --html frf.html -o frf_frf.csv";
+    assert_eq!(next("frf frf.csv").as_deref(), Some(page));
+    assert_eq!(next(page), None);
+    let apply = "frf frf.csv -m fitted.toml --apply";
+    assert_eq!(next("frf frf.csv -m fitted.toml").as_deref(), Some(apply));
+    let show = "show fitted.toml";
+    assert_eq!(next(apply).as_deref(), Some(show));
+    assert!(next(show).is_some());
 }
 
 /// A plan is a file that a robot plays, here the simulated one, and its log gives the springs; its errors are foreseen within a factor.

@@ -34,6 +34,7 @@ proprio diagnose log.csv -m model.toml
 proprio advise log.csv -m model.toml
 proprio show fitted.toml
 proprio simulate --walk trot --typical --inertia-error 0.03 -o walk.csv
+proprio compare walk.csv
 proprio identify --free-base walk.csv -o walked.toml
 proprio compare --free-base walk.csv -m walked.toml
 proprio diagnose --free-base walk.csv
@@ -121,6 +122,18 @@ fn every_command_that_a_screen_of_an_arm_or_of_a_walk_prints_runs() {
     std::fs::write(folder.path().join("log.csv"), recorder.log::<4>(&limbs)).unwrap();
     let seen = run_all(&folder, OTHERS.lines().map(str::to_owned));
     assert!(seen.len() > OTHERS.lines().count(), "{seen:#?}");
+    // A walk that is taken for a suspended robot is sent where it belongs.
+    assert!(
+        seen.contains("proprio compare --free-base walk.csv"),
+        "{seen:#?}"
+    );
+    let watched = typed(
+        &folder,
+        "proprio monitor walk.csv --speed 0 --lines",
+        PATIENCE,
+    );
+    let said = stdout(&watched);
+    assert!(said.contains("a robot that walks: --free-base"), "{said}");
 }
 
 #[cfg(unix)]
@@ -133,6 +146,11 @@ fn every_command_that_a_screen_prints_runs() {
     let begun = lines.clone().count();
     let seen = run_all(&folder, lines.map(str::to_owned));
     assert!(seen.len() >= begun + 5, "{seen:#?}");
+    // A fit that was written goes to where it is used: its own logs do not judge it.
+    assert!(
+        seen.contains("proprio export -m fitted.toml --mjcf -o fitted.xml"),
+        "{seen:#?}"
+    );
     for kind in ["diagnose", "compare", "advise", "excite"] {
         let is_kind = |line: &String| line.starts_with(&format!("proprio {kind} "));
         assert!(

@@ -293,6 +293,9 @@ fn the_help_has_the_words_of_the_field() {
     for name in names {
         let help = done(folder.path(), &[name, "--help"]);
         faults.extend((banned(&help).iter()).map(|fault| format!("{name} --help: {fault}")));
+        let about = help.split("\nUsage:").next().unwrap_or_default();
+        let long = (sentences(about).into_iter()).filter(|sentence| length(sentence) > LONGEST);
+        faults.extend(long.map(|sentence| format!("{name} --help: {sentence}")));
     }
     none(&faults);
 }

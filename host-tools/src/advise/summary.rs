@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Advice, Advised, Learned, LimbAdvice, figure, unit_of};
+use super::{Advice, Advised, Learned, LimbAdvice, NOTHING, figure, unit_of};
 use crate::parameter::name_at;
 use crate::summary::{Summary, by_kind, typed};
 
@@ -129,16 +129,44 @@ impl Advised {
 impl Gain<'_> {
     fn words(&self) -> String {
         let most = self.most;
+        // What a motion leaves of such a parameter is rounding: only that it is so small is said.
         let best = match most.is_all_told() {
-            true => "0".to_owned(),
-            false => figure(most.best_std),
+            true => format!("below ±{}", figure(NOTHING * most.prior_std)),
+            false => format!("±{}", figure(most.best_std)),
         };
         format!(
-            "{} ±{} → ±{best} {} ({:.2} N m)",
+            "{} ±{} → {best} {} ({:.2} N m)",
             self.label,
             figure(most.std),
             unit_of(&most.parameter),
             most.torque
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_ends_at_a_number_that_says_something() {
+        let words = |best_std: f64| {
+            let most = Advice {
+                parameter: "hz:FR_hip".to_owned(),
+                learned: Learned::PriorDominated,
+                share: 0.0,
+                prior_std: 1.3e-3,
+                std: 9.4e-4,
+                best_std,
+                torque: 0.02,
+            };
+            let label = "hz (hips)".to_owned();
+            Gain { label, most: &most }.words()
+        };
+        assert_eq!(
+            words(2e-14),
+            "hz (hips) ±9.4e-4 → below ±1.3e-5 kg m (0.02 N m)"
+        );
+        assert_eq!(words(2.1e-4), "hz (hips) ±9.4e-4 → ±2.1e-4 kg m (0.02 N m)");
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::catalogue;
 use crate::model::{Model, Robot};
-use crate::summary::wrapped;
+use crate::summary::{places_in_words, wrapped};
 use clap::Args;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
@@ -77,6 +77,9 @@ struct Report {
     present: Vec<String>,
     /// What of a new robot was taken otherwise than its URDF has it.
     notes: Vec<String>,
+    /// The robot's joints, in its order.
+    #[serde(skip)]
+    joints: Vec<String>,
 }
 
 impl Add {
@@ -116,6 +119,7 @@ impl Add {
             added,
             present,
             notes,
+            joints: joint_names(model.robot()),
         };
         Ok(if self.json {
             result("add", &report)
@@ -123,6 +127,12 @@ impl Add {
             report.to_string()
         })
     }
+}
+
+/// The names of a robot's joints, in its order.
+pub(super) fn joint_names(robot: &Robot) -> Vec<String> {
+    let bodies = robot.bodies().iter();
+    bodies.map(|body| body.name.clone()).collect()
 }
 
 /// An effect at a joint.
@@ -138,11 +148,12 @@ impl std::fmt::Display for Report {
             writeln!(f, "Note: {note}.")?;
         }
         if !self.added.is_empty() {
-            let added = format!("Added to {path}: {}", self.added.join(", "));
+            let added = places_in_words(&self.added, &self.joints);
+            let added = format!("Added to {path}: {added}");
             write!(f, "{}", wrapped(&added, "", "  "))?;
         }
         if !self.present.is_empty() {
-            let rest = self.present.join(", ");
+            let rest = places_in_words(&self.present, &self.joints);
             let present = format!("Already in {path}, unchanged: {rest}");
             write!(f, "{}", wrapped(&present, "", "  "))?;
         }

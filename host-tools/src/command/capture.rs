@@ -51,7 +51,7 @@ pub(crate) struct Capture {
     #[arg(short, long, value_name = "FILE", required_unless_present = "explain")]
     output: Option<PathBuf>,
     /// How long to record [default: until Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
     seconds: Option<f64>,
     /// The leg whose bus it is, where PORT does not begin with it
     #[arg(long, value_name = "LEG", value_parser = leg_named)]
@@ -64,13 +64,6 @@ pub(crate) struct Capture {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(seconds),
-        _ => Err("expected a time in seconds, such as 10".to_owned()),
-    }
 }
 
 /// What was recorded.

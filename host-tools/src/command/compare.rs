@@ -7,11 +7,13 @@ use crate::compare::{
     compare_without, rollout, save,
 };
 use crate::detect::mismatch::MismatchKind;
+use crate::free_base::has_imu;
 use crate::kinematics::{Poses, compare_poses, is_pose_file};
 use crate::model::{AskedError, Model, ModelEffect, asked_texts};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use crate::spectrum::mismatches;
+use crate::summary::typed;
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 
@@ -178,7 +180,12 @@ impl Compare {
             self.shorten(&mut comparison);
             judged("compare", comparison.error(), &comparison)
         } else {
-            self.text(&comparison)
+            // More than one foot on the ground, or torques that no fixed base explains.
+            let moves = comparison.contact.len() > 1
+                || (wrong.iter())
+                    .any(|wrong| matches!(wrong.kind, MismatchKind::NoBetterThanNothing(_)));
+            let is_walk = moves && self.logs.iter().all(|log| has_imu(log));
+            self.text(&comparison, is_walk)
         })
     }
 
@@ -402,8 +409,8 @@ impl Compare {
         }
     }
 
-    /// The first screen, or all of it.
-    fn text(&self, comparison: &Comparison) -> String {
+    /// The first screen, or all of it; of a walk whose log has what a moving base needs, the next command compares it as one.
+    fn text(&self, comparison: &Comparison, is_walk: bool) -> String {
         if self.all || self.verbose {
             return comparison.text(self.all);
         }
@@ -411,6 +418,10 @@ impl Compare {
         let mut summary = self.part.kept(comparison.summary(self.file()));
         let every = comparison.every_window.as_ref();
         let every = super::every_window_words(every, &mut summary, (&self.logs, self.file()));
+        if is_walk {
+            let logs = typed(&self.logs, self.file());
+            summary.next = vec![format!("proprio compare --free-base {logs}")];
+        }
         summary.screen(&[data, every], MORE)
     }
 

@@ -11,6 +11,7 @@ use clap::{ArgGroup, Args};
 use serde::Serialize;
 
 use super::Error;
+use super::add::joint_names;
 use super::result::result;
 
 /// Write a model for simulators: URDF or MJCF
@@ -142,11 +143,7 @@ type Joints<'a> = (&'a str, Vec<String>);
 /// Notes of effects that are left out for the same reason, as one: `bias (all joints), velocity_gain (FR_hip) are left out: …`.
 fn together(notes: &[String], robot: &Robot) -> Vec<String> {
     const LEFT_OUT: &str = " is left out: ";
-    let all: Vec<String> = robot
-        .bodies()
-        .iter()
-        .map(|body| body.name.clone())
-        .collect();
+    let all = joint_names(robot);
     let mut told: Vec<String> = Vec::new();
     let mut reasons: Vec<(&str, Vec<Joints>)> = Vec::new();
     for note in notes {

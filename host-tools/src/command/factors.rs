@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use clap::error::ErrorKind;
@@ -10,11 +9,15 @@ use serde::Serialize;
 
 use super::result::result;
 use super::{Error, model_or_default, usage_error};
+use crate::clock::unix_time;
 use crate::fleet::make::BLOCK;
 use crate::fleet::{Block, Gate, Origin, blocks_of_log, table};
 use crate::progress::Progress;
 
-/// Reduce logs to factors: blocks of time of one robot, in a table that a fleet's share
+/// The greatest `--begin`, s since 1970: the year 2286. The same time in ms or ns lies far beyond.
+const MOST_UNIX_TIME: f64 = 1e10;
+
+/// Reduce logs to factors: a table of one robot's blocks of time
 ///
 /// A block is a few kilobytes and says of every model of plain effects what its part of the log says, without the data. Questions of many logs and
 /// robots are answered from such tables: `identify --blocks`. The base is fixed; the robot is that of -m, else a Go2.
@@ -37,7 +40,7 @@ pub(crate) struct MakeBlocks {
     #[arg(long, value_name = "VERSION")]
     firmware: Option<String>,
     /// Unix time of the log's first row, s, if the log's own clock does not have it
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = super::simulate::within(0.0, MOST_UNIX_TIME))]
     begin: Option<f64>,
     /// Length of a block, s
     #[arg(long, value_name = "SECONDS", default_value_t = BLOCK, value_parser = super::simulate::within(10.0, 86_400.0))]
@@ -89,13 +92,12 @@ impl MakeBlocks {
             usage_error("factors", ErrorKind::ValueValidation, message.to_owned());
         }
         let model = model_or_default(self.model.as_deref(), false)?;
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let origin = Origin {
             robot: self.robot.clone(),
             site: self.site.clone(),
             firmware: self.firmware.clone(),
             begin: self.begin,
-            received: now.map_or(0.0, |now| now.as_secs_f64().floor()),
+            received: unix_time().as_secs_f64().floor(),
         };
         let (mut gate, mut all, mut logs) = (Gate::default(), Vec::new(), Vec::new());
         for log in &self.logs {

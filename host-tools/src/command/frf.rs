@@ -10,15 +10,15 @@ use crate::model::Model;
 use crate::output;
 use crate::progress::Underway;
 use crate::report::pages;
-use crate::spectrum::{Frf as Responses, frf};
+use crate::spectrum::{Did, Frf as Responses, frf};
 
 /// Find springs and dampers between motors and links from periodic excitation
 ///
-/// A log has some periods of a multisine, recorded at the motors while a controller holds the robot. Periods, excited lines and transients are
-/// found; the responses from torque to position come with their noise (scatter over periods) and distortion (scatter over blocks of other
-/// phases). Of one joint, motor, spring and load are fitted from nothing; with -m the springs of all joints, in front of the model's links,
-/// after its dry friction is subtracted, and links that bend where springs at the joints do not explain the responses. The error is held out, in log
-/// magnitude: 0.01 is 1 % of a response.
+/// A log has some periods of a multisine, recorded at the motors while a controller holds the robot. Periods, excited lines and
+/// transients are found; the responses from torque to position come with their noise (scatter over periods) and distortion (scatter
+/// over blocks of other phases). Of one joint, motor, spring and load are fitted from nothing. With -m the springs of all joints are
+/// fitted in front of the model's links, after its dry friction is subtracted. Where they do not explain the responses, links that
+/// bend are fitted too. The error is held out, in log magnitude: 0.01 is 1 % of a response.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio frf bench.csv
@@ -83,7 +83,12 @@ impl Frf {
     }
 
     fn text(&self, found: &Responses) -> String {
-        let summary = found.summary(self.model.as_deref(), self.apply);
+        let did = match (self.apply, &self.output, &self.html) {
+            (true, ..) => Did::Applied,
+            (_, None, None) => Did::Printed,
+            _ => Did::Written,
+        };
+        let summary = found.summary(self.model.as_deref(), did);
         let model = self.model.as_ref().filter(|_| self.apply);
         let written = model.into_iter().chain(&self.output);
         let wrote: Vec<String> = written

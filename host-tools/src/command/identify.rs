@@ -129,7 +129,7 @@ impl Identify {
             return factors::run(&self.factor, self.json);
         }
         if !self.blocks.is_empty() {
-            return blocks::run(&self.blocks, self.json);
+            return blocks::run(&self.blocks, self.verbose, self.json);
         }
         if self.free_base {
             return self.run_free_base();

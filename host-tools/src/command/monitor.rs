@@ -42,10 +42,10 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// Watch a device's estimates live
 ///
 /// Shows each joint's friction with errors and its residual against the band of the seconds before, which effects the device finds
-/// missing, what happened, and how bus and link are; a page per leg has all its parameters against the CAD. Keys: a and d add
-/// the chosen effect to the device's model and drop it, r resets, p pauses, s saves a model file, f saves the device's
-/// factors for `identify --factor`, w has the device write what it knows to its flash, q quits. Without a terminal, or with --lines, lines are printed instead; --web serves the
-/// same as a page with live plots.
+/// missing, what happened, and how bus and link are. A page per leg has all its parameters against the CAD. Keys: a and d add the
+/// chosen effect to the device's model and drop it, r resets, p pauses, q quits. s saves a model file, f the device's factors for
+/// `identify --factor`; w has the device write what it knows to its flash. Without a terminal, or with --lines, lines are printed
+/// instead; --web serves the same as a page with live plots.
 ///
 /// `qemu` builds the firmware and boots it on an emulated board with a simulated robot; `sim` runs its code in this process,
 /// which needs no emulator. `dds` gives that code a robot's own network, as `record` does; LEG=PORT the motor buses that adapters listen to; `-` rows

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
-#[cfg(feature = "mcap")]
-use std::time::{SystemTime, UNIX_EPOCH};
 
+#[cfg(feature = "mcap")]
+use crate::clock::unix_time;
 use crate::live::{Address, Counts, Source, Until};
 use crate::log::{CanonicalWriter, Columns, LiveRows, LogError, Periods, Row};
 use crate::model::Robot;
@@ -313,8 +313,7 @@ impl Recording {
             Source::Text(_) | Source::Buses(_) => {
                 let mut rows = LiveRows::follow(Path::new(name), source.into_input(), robot)
                     .map_err(Failed::Read)?;
-                let begin = SystemTime::now().duration_since(UNIX_EPOCH);
-                let begin_us = begin.map_or(0, |begin| begin.as_micros() as i64);
+                let begin_us = unix_time().as_micros() as i64;
                 let mut first = None;
                 let [.., kind] = MESSAGE_KINDS;
                 let mut writer =

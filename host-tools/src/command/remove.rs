@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use crate::model::{Model, ModelEffect, UnknownName};
+use crate::summary::{places_in_words, wrapped};
 use clap::Args;
 use serde::Serialize;
 
 use super::Error;
+use super::add::joint_names;
 use super::result::result;
 
 /// Take effects out of a model file
@@ -36,6 +38,9 @@ struct Report {
     removed: Vec<String>,
     /// Those that the model did not have.
     absent: Vec<String>,
+    /// The robot's joints, in its order.
+    #[serde(skip)]
+    joints: Vec<String>,
 }
 
 impl Remove {
@@ -58,6 +63,7 @@ impl Remove {
             model: self.model,
             removed,
             absent,
+            joints: joint_names(model.robot()),
         };
         Ok(if self.json {
             result("remove", &report)
@@ -84,7 +90,9 @@ impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let path = self.model.display();
         if !self.removed.is_empty() {
-            writeln!(f, "Taken out of {path}: {}", self.removed.join(", "))?;
+            let removed = places_in_words(&self.removed, &self.joints);
+            let removed = format!("Taken out of {path}: {removed}");
+            write!(f, "{}", wrapped(&removed, "", "  "))?;
         }
         if !self.absent.is_empty() {
             writeln!(f, "Not in {path}: {}", self.absent.join(", "))?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::model::{BASE, Model, Source, Witnessed};
 use crate::summary::{Summary, joints_in_words, typed};
-use crate::table::{Table, with_std};
+use crate::table::{self, RangeValue, Table, with_std};
 use clap::Args;
 use serde::Serialize;
 
@@ -270,23 +270,21 @@ impl Report {
     }
 }
 
-/// `0.0431 to 0.2109` of those that have a value; how many have none.
+/// `0.043–0.211` of those that have a value; how many have none.
 fn range(effects: &[&Effect]) -> String {
-    let values = || effects.iter().filter_map(|effect| effect.value);
-    let low = values().fold(f64::INFINITY, f64::min);
-    let high = values().fold(f64::NEG_INFINITY, f64::max);
-    let unknown = effects
-        .iter()
-        .filter(|effect| effect.value.is_none())
-        .count();
-    let known = match (low.is_finite(), low == high) {
-        (false, _) => return "not identified yet,".to_owned(),
-        (true, true) => format!("{low:.4}"),
-        (true, false) => format!("{low:.4} to {high:.4}"),
-    };
-    match unknown {
-        0 => known,
-        n => format!("{known} ({n} not identified yet)"),
+    let values: Vec<RangeValue> = (effects.iter())
+        .filter_map(|effect| {
+            Some(RangeValue {
+                value: effect.value?,
+                std: effect.std,
+                at_bound: false,
+            })
+        })
+        .collect();
+    match (table::range(&values), effects.len() - values.len()) {
+        (None, _) => "not identified yet,".to_owned(),
+        (Some(known), 0) => known,
+        (Some(known), n) => format!("{known} ({n} not identified yet)"),
     }
 }
 

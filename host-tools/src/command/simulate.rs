@@ -31,9 +31,9 @@ use help::{EXAMPLES, long_help};
 
 /// Make a log of a robot whose parameters are known
 ///
-/// Its legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference; with --walk the
-/// whole Go2, or any robot of three feet or more (-m), walks on compliant ground, and the log has the columns of its IMU and of its feet. What --hide adds, and what
-/// --inertia-error changes, is unknown to the model. The truth goes to a file beside the log.
+/// Its legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference. With --walk the whole
+/// Go2, or any robot of three feet or more (-m), walks on compliant ground, and the log has the columns of its IMU and of its feet.
+/// What --hide adds, and what --inertia-error changes, is unknown to the model. The truth goes to a file beside the log.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Simulate {

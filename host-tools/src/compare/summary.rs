@@ -4,20 +4,10 @@ use std::path::Path;
 
 use super::text::{NO_STRUCTURE, WORTH_A_DIAGNOSIS, named};
 use super::{Comparison, black_box};
-use crate::summary::{POINTS, Summary, torque, typed, word};
+use crate::summary::{POINTS, Summary, export_command, torque, typed};
 
 /// A pattern with less of the square error is no point, %.
 const LEAST_PERCENT: f64 = 1.0;
-
-/// The command that writes a model for MuJoCo, beside where it is typed.
-fn export(model: &Path) -> String {
-    let file = Path::new(model.file_name().unwrap_or_default()).with_extension("xml");
-    format!(
-        "proprio export -m {} --mjcf -o {}",
-        word(model),
-        word(&file)
-    )
-}
 
 impl Comparison {
     /// The first screen: how large the error is, where it lives, and what to ask next.
@@ -52,7 +42,7 @@ impl Comparison {
             _ if self.elastic.is_some() => format!("proprio frf {with}"),
             (true, _) => format!("proprio diagnose {with}"),
             // A model that lacks nothing, by its own values: it is ready for use.
-            (false, Some(model)) if !self.fitted => export(model),
+            (false, Some(model)) if !self.fitted => export_command(model),
             (false, _) => format!("proprio identify {with}"),
         };
         Summary {

@@ -28,7 +28,7 @@ pub enum Fault {
         cause: String,
     },
     /// The file is no table of blocks.
-    #[error("{file}: no table of {}: its schema is {}", super::table::SCHEMA, .found.as_deref().unwrap_or("not named"))]
+    #[error("{file}: no table of blocks ({}): {}", super::table::SCHEMA, not_blocks(.found.as_deref()))]
     NotBlocks {
         /// The file.
         file: String,
@@ -118,6 +118,14 @@ pub enum Fault {
     },
 }
 
+/// Why a file is no table of blocks, by the schema that it names.
+fn not_blocks(found: Option<&str>) -> String {
+    match found {
+        Some(schema) => format!("its schema is {schema}"),
+        None => "it names no such schema".to_owned(),
+    }
+}
+
 impl Fault {
     /// What to do about it.
     pub fn fix(&self) -> &'static str {
@@ -127,7 +135,7 @@ impl Fault {
                 "copy the file again, or make it again from the log: proprio factors LOG --robot ID -o FILE"
             }
             Self::NotBlocks { .. } | Self::Schema { .. } | Self::Columns { .. } => {
-                "make the table with proprio factors; a copy must keep the file's metadata and the columns' types"
+                "make the table from a log: proprio factors LOG --robot ID -o FILE; a copy must keep the file's metadata and the columns' types"
             }
             Self::NotFinite { .. } | Self::Shape { .. } => {
                 "make the block again from its log: proprio factors LOG --robot ID -o FILE"

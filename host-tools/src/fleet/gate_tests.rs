@@ -170,6 +170,12 @@ fn a_damaged_file_costs_what_is_damaged_and_nothing_is_silently_another() {
             "{share}"
         );
     }
+    for other in [&b"t,q/FR_hip\n0.0,0.1\n"[..], b"t"] {
+        let table = read_from("log.csv", file(other));
+        assert_eq!(table.faults[0].kind(), "not_blocks");
+        let said = table.faults[0].to_string();
+        assert!(said.contains("log.csv: no table of blocks"), "{said}");
+    }
     let mut survived = 0;
     for at in (0..bytes.len()).step_by(97) {
         let mut flipped = bytes.clone();

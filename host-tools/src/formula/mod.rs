@@ -257,6 +257,13 @@ pub fn define(
     let everywhere: Vec<Expression> = parts.factors.iter().chain(at_others).cloned().collect();
     site.check_finite(&expression, &everywhere, &sets)
         .map_err(|(at, problem)| fault(&at, problem))?;
+    for (n, own) in parts.factors.iter().enumerate() {
+        let at_others = (others_act.iter()).filter_map(|(_, all)| all.get(n)?.as_ref());
+        let all: Vec<&Expression> = std::iter::once(own).chain(at_others).collect();
+        if let Some(at) = site.zero(&all, &sets) {
+            return Err(fault(&at, FormulaProblem::Zero));
+        }
+    }
     let bounds = match law {
         Law::Torque => site.bounds_of(kind, &parts.factors, &sets),
         _ => site.bounds_of_law((law, kind), (&parts.factors, &others_act), &sets),

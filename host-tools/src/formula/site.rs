@@ -21,6 +21,10 @@ const TORQUE: f64 = 1000.0;
 /// The longest log that a formula over time is tried on, s, and the temperatures of motors, °C.
 const LONGEST: f64 = 3600.0;
 const WARMEST: f64 = 120.0;
+/// A share of two numbers to which their sum is rounding: of some tens of operations, each to 1.1e-16.
+const CANCELLED: f64 = 1e-14;
+/// Far beyond what rounding leaves of numbers of a robot's size.
+const ACTS: f64 = 1e-6;
 /// A share of the greatest power that is rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -38,6 +42,9 @@ pub struct Site<'a> {
     /// See `effort`.
     pub velocity: f64,
 }
+
+/// What is asked of a point: the states of the limb's joints, and a set of parameters.
+type At<'a> = dyn Fn(&[JointState<f64>], &[f64]) -> bool + 'a;
 
 /// A number of a sequence that fills the unit interval evenly (van der Corput's, in this base).
 fn corput(mut n: usize, base: usize) -> f64 {
@@ -156,6 +163,105 @@ impl Site<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Where the text of one of these is zero, if all of them are at every point, with each of these sets of parameters. Of temperature and time the
+    /// range is this program's own guess, and a torque may act on a small part of any range: beside the points of the range those count at which a
+    /// signal is a number of the text, a parameter, or between two of them.
+    pub(super) fn zero(&self, all: &[&Expression], sets: &[Vec<f64>]) -> Option<Range<usize>> {
+        // Nearly every formula is seen to act at the first points.
+        let acts = |e: &&Expression| {
+            let first = (1..5).map(|n| self.point(n));
+            let mut values = first.flat_map(|joints| {
+                let of = |set: &Vec<f64>| self.value(e, &joints, set);
+                sets.iter().map(of).collect::<Vec<f64>>()
+            });
+            values.any(|value| value.abs() > ACTS)
+        };
+        if all.iter().any(acts) {
+            return None;
+        }
+        let mut points: Vec<Vec<JointState<f64>>> = (0..POINTS).map(|n| self.point(n)).collect();
+        points.extend(self.marked(all, sets));
+        let found = all.iter().map(|e| self.zero_part(e, &points, sets));
+        let found: Option<Vec<Range<usize>>> = found.collect();
+        found?.into_iter().next()
+    }
+
+    /// The part of an expression that makes it zero at these points: of a sum that cancels what rounding leaves is zero too.
+    fn zero_part(
+        &self,
+        e: &Expression,
+        points: &[Vec<JointState<f64>>],
+        sets: &[Vec<f64>],
+    ) -> Option<Range<usize>> {
+        let everywhere = |is_zero: &At| {
+            let mut tried = points
+                .iter()
+                .flat_map(|joints| sets.iter().map(move |set| (joints, set)));
+            tried
+                .all(|(joints, set)| is_zero(joints, set))
+                .then(|| e.at.clone())
+        };
+        match &e.node {
+            Node::Negative(of) => self.zero_part(of, points, sets),
+            Node::Binary(Operator::Times, left, right) => {
+                let part = [left, right]
+                    .into_iter()
+                    .find_map(|part| self.zero_part(part, points, sets));
+                // Of two that are never both at work.
+                part.or_else(|| everywhere(&|joints, set| self.value(e, joints, set) == 0.0))
+            }
+            Node::Binary(Operator::Over, of, _) => self.zero_part(of, points, sets),
+            Node::Binary(Operator::Plus | Operator::Minus, left, right) => {
+                everywhere(&|joints, set| {
+                    let [sum, a, b] = [e, &**left, &**right].map(|e| self.value(e, joints, set));
+                    sum.abs() <= CANCELLED * (a.abs() + b.abs())
+                })
+            }
+            _ => everywhere(&|joints, set| self.value(e, joints, set) == 0.0),
+        }
+    }
+
+    /// Points of the range at which one signal of all joints is a number that these expressions name, or that lies between two of them, or beyond.
+    fn marked(&self, all: &[&Expression], sets: &[Vec<f64>]) -> Vec<Vec<JointState<f64>>> {
+        let mut named = vec![0.0];
+        named.extend(sets.iter().flatten());
+        for e in all {
+            e.each(&mut |e| {
+                if let Node::Number(x) = e.node {
+                    named.extend([x, -x]);
+                }
+            });
+        }
+        named.sort_by(f64::total_cmp);
+        named.dedup();
+        let between = named.windows(2).map(|two| 0.5 * (two[0] + two[1]));
+        let between: Vec<f64> = between.collect();
+        let beyond = named.iter().map(|x| x + x.abs().max(1.0));
+        let beyond: Vec<f64> = beyond.collect();
+        let marks = named.into_iter().chain(between).chain(beyond);
+        let [from, to] = self.limits;
+        let points = marks.enumerate().flat_map(|(n, mark)| {
+            let with = move |change: fn(&mut JointState<f64>, f64)| {
+                // None of these is at rest.
+                let mut joints = self.point(5 * n + 1);
+                joints.iter_mut().for_each(|joint| change(joint, mark));
+                joints
+            };
+            // Beyond its stops no joint is.
+            let position = (from..=to)
+                .contains(&mark)
+                .then(|| with(|joint, x| joint.q = x));
+            let others: [fn(&mut JointState<f64>, f64); 4] = [
+                |joint, x| (joint.dq, joint.speed) = (x, x),
+                |joint, x| joint.load = x,
+                |joint, x| joint.temperature = x,
+                |joint, x| joint.time = x,
+            ];
+            position.into_iter().chain(others.map(with))
+        });
+        points.collect()
     }
 
     /// A value in which accelerations are one.

@@ -211,6 +211,34 @@ fn formulas_that_cannot_be_are_refused_with_their_place() {
     );
 }
 
+/// A torque that is zero whatever the motion and the parameters has nothing to identify; one that acts in a small part of the range has.
+#[test]
+fn a_formula_that_is_always_zero_is_refused_with_its_place() {
+    for (text, part) in [
+        ("c*(q - q)", "q - q"),
+        ("c*sin(0)", "sin(0)"),
+        ("c*0*dq", "0"),
+        ("c*dq + k*(q.thigh - q.thigh)*sign(dq)", "q.thigh - q.thigh"),
+        ("c*(sin(q)^2 + cos(q)^2 - 1)", "sin(q)^2 + cos(q)^2 - 1"),
+        ("c*(ddq - ddq)", "ddq - ddq"),
+        // Its stops are -2.7 and -0.8 rad.
+        ("c*max(q - 0.5, 0)", "max(q - 0.5, 0)"),
+        ("c*step(q + 1)*step(-1.2 - q)", "step(q + 1)*step(-1.2 - q)"),
+    ] {
+        let error = refused(text);
+        assert_eq!(error.problem, FormulaProblem::Zero, "{text}");
+        assert_eq!(&error.text[error.at.clone()], part, "{text}");
+    }
+    for text in [
+        "c*step(t - 60)*step(62 - t)",
+        "c*step(temp - 130)*dq",
+        "c*max(0.001 - abs(q + 1.2345), 0)*sign(dq)",
+        "c*1e-9*q",
+    ] {
+        defined(text);
+    }
+}
+
 #[test]
 fn what_is_held_is_a_number() {
     let held = Stated {

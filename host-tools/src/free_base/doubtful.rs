@@ -79,7 +79,7 @@ const KINDS: [Kind; 8] = [
     Kind {
         parameters: ACC_SCALE..PLACE,
         what: "the accelerometer's scale",
-        why: "something carries the robot, gravity is not 9.81 m/s², or this is another robot",
+        why: "a payload explains the same in part: weigh the robot, and look for what carries it; else gravity is not 9.81 m/s², or this is another robot",
         times: 100.0,
         unit: "%",
     },
@@ -168,4 +168,21 @@ pub(crate) fn robot(structure: &ModelStructure, theta: &DVector<f64>) -> Vec<Str
         ));
     }
     told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_of_the_sensors_has_a_cause_and_the_scale_a_payload() {
+        let parameters: Vec<usize> = KINDS
+            .iter()
+            .flat_map(|kind| kind.parameters.clone())
+            .collect();
+        assert_eq!(parameters, (0..NAMES.len()).collect::<Vec<_>>());
+        let scale = |kind: &&Kind| kind.parameters.contains(&ACC_SCALE);
+        let why = KINDS.iter().find(scale).map(|kind| kind.why);
+        assert!(why.is_some_and(|why| why.contains("payload")), "{why:?}");
+    }
 }

@@ -37,6 +37,7 @@ pub use model_fit::{
     fit_model,
 };
 pub use runs::{Consistency, Run, RunValue};
+pub(crate) use screen::{by_effect, drive_rows};
 pub use to_model::{NotAModel, set_possible};
 
 /// What `identify` has read, of which model, and what came out.

@@ -1,18 +1,20 @@
 //! What the first screens of `identify` have in common: values by kinds of joints, and which of them the logs do not identify.
 
+use std::path::Path;
+
 use proprio_core::effect::EffectKind;
 
 use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::parameter;
-use crate::summary::{by_kind, joints_in_words};
-use crate::table::Table;
+use crate::summary::{by_kind, export_command, joints_in_words, word};
+use crate::table::{RangeValue, Table, range};
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
 /// A value at its bound has a `*`.
-pub(super) fn drive_rows<'a>(
+pub(crate) fn drive_rows(
     joints: &[String],
-    find: impl Fn(&str) -> Option<&'a ParameterEstimate>,
+    find: impl Fn(&str) -> Option<RangeValue>,
 ) -> Vec<String> {
     let of = |effect: EffectKind, joint: &String| find(&parameter::name_at(effect.name(), joint));
     let has = |effect: &EffectKind| joints.iter().any(|joint| of(*effect, joint).is_some());
@@ -29,8 +31,8 @@ pub(super) fn drive_rows<'a>(
     );
     for (kind, members) in by_kind(joints) {
         let cell = |effect: &EffectKind| {
-            let estimates = members.iter().filter_map(|joint| of(*effect, joint));
-            range(&estimates.collect::<Vec<_>>())
+            let values = members.iter().filter_map(|joint| of(*effect, joint));
+            range(&values.collect::<Vec<_>>()).unwrap_or_else(|| "–".to_owned())
         };
         table.row([kind].into_iter().chain(effects.iter().map(cell)));
     }
@@ -38,34 +40,12 @@ pub(super) fn drive_rows<'a>(
     text.lines().map(|line| format!("  {line}")).collect()
 }
 
-/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation; with a `*` at its bound.
-fn range(estimates: &[&ParameterEstimate]) -> String {
-    let decimals = estimates
-        .iter()
-        .filter(|e| e.std > 0.0)
-        .map(|e| (1.0 - e.std.log10().floor()).clamp(0.0, 5.0) as usize);
-    let decimals = decimals.max().unwrap_or(4);
-    let one = |e: &ParameterEstimate| match (e.at_bound, e.value == 0.0) {
-        (true, true) => "0*".to_owned(),
-        (true, false) => format!("{:.decimals$}*", e.value),
-        (false, _) => format!("{:.decimals$}", e.value),
-    };
-    let by_value = |a: &&&ParameterEstimate, b: &&&ParameterEstimate| a.value.total_cmp(&b.value);
-    match estimates {
-        [] => "–".to_owned(),
-        [e] => one(e),
-        _ => {
-            let ends = [
-                estimates.iter().min_by(by_value),
-                estimates.iter().max_by(by_value),
-            ];
-            let [low, high] = ends.map(|end| end.map_or_else(String::new, |e| one(e)));
-            match low == high {
-                true => low,
-                // A dash before a minus is hard to read.
-                false if high.starts_with('-') => format!("{low} to {high}"),
-                false => format!("{low}–{high}"),
-            }
+impl From<&ParameterEstimate> for RangeValue {
+    fn from(of: &ParameterEstimate) -> Self {
+        Self {
+            value: of.value,
+            std: Some(of.std),
+            at_bound: of.at_bound,
         }
     }
 }
@@ -111,8 +91,29 @@ pub(super) fn not_identified(
     (!words.is_empty()).then(|| words.join(" "))
 }
 
+/// The command after a fit that was written: another log, which would judge it, has no name yet, so it is that which takes the model to where it is used;
+/// a model of one log's time is for no simulator, and is shown.
+pub(super) fn next_of_written(estimates: &[&ParameterEstimate], written: &Path) -> String {
+    let over_time = |estimate: &&ParameterEstimate| {
+        let what = estimate.name.split([':', '.']).next()?;
+        catalogue::formula_of(catalogue::effect_named(what)?)?.over_time()
+    };
+    match estimates.iter().find_map(over_time) {
+        Some(_) => format!("proprio show {}", word(written)),
+        None => export_command(written),
+    }
+}
+
+/// What to do with a fit that was written, before anything else.
+pub(super) fn check(written: Option<&Path>) -> &'static str {
+    written.map_or("", |_| " Compare the file with another log.")
+}
+
 /// `armature (all hips), coulomb (FR_calf)`.
-fn by_effect<'a>(places: impl Iterator<Item = (&'a str, &'a str)>, joints: &[String]) -> String {
+pub(crate) fn by_effect<'a>(
+    places: impl Iterator<Item = (&'a str, &'a str)>,
+    joints: &[String],
+) -> String {
     let mut effects: Vec<(&str, Vec<String>)> = Vec::new();
     for (effect, joint) in places {
         match effects.iter_mut().find(|(known, _)| *known == effect) {
@@ -171,7 +172,7 @@ mod tests {
             .enumerate()
             .map(|(n, joint)| estimate(&format!("coulomb:{joint}"), 0.1 * n as f64, n == 0))
             .collect();
-        let find = |name: &str| all.iter().find(|e| e.name == name);
+        let find = |name: &str| all.iter().find(|e| e.name == name).map(RangeValue::from);
         let rows = drive_rows(&joints, find);
         assert_eq!(rows.len(), 4, "{rows:#?}");
         assert!(rows[1].ends_with("0*–0.900"), "{rows:#?}");
@@ -189,7 +190,9 @@ mod tests {
             estimate("coulomb:shoulder", 0.5, false),
             estimate("coulomb:elbow", 0.25, false),
         ];
-        let rows = drive_rows(&joints, |name| all.iter().find(|e| e.name == name));
+        let rows = drive_rows(&joints, |name| {
+            all.iter().find(|e| e.name == name).map(RangeValue::from)
+        });
         assert_eq!(rows.len(), 3);
         assert!(rows[1].ends_with("0.500"), "{rows:#?}");
     }

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use domain::{Domain, Reader};
 use rustdds::GUID;
@@ -22,6 +22,7 @@ use super::follow::{Arrival, Follower};
 use super::gather::{GATHER, gathered};
 use super::network::Network;
 use super::until::{LOOK, Until};
+use crate::clock::now_ns;
 use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 
 /// How long a writer is waited for, s: participants announce themselves every few seconds.
@@ -124,7 +125,9 @@ impl LiveMessages for Queue {
             }
         }
         // What came before the end is counted: a machine that was busy keeps it.
-        let end = *self.end.get_or_insert_with(now_ns);
+        let end = *self
+            .end
+            .get_or_insert_with(|| i64::try_from(now_ns()).unwrap_or(i64::MAX));
         let last = self.messages.recv_timeout(LAST).ok();
         last.filter(|message| message.received_ns <= end)
     }
@@ -332,12 +335,6 @@ impl Receiving {
         self.types.insert(writer, right);
         right
     }
-}
-
-/// This machine's time, ns since 1970.
-fn now_ns() -> i64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    now.map_or(0, |now| i64::try_from(now.as_nanos()).unwrap_or(i64::MAX))
 }
 
 /// A time of RTPS, seconds and their 2³²nd parts, in ns.

@@ -300,7 +300,7 @@ impl View {
     fn feet(&mut self, before: bool, now: bool) {
         match (before, now) {
             (false, true) => self.happened(
-                "the robot's feet carry it: its windows are excluded until it is suspended"
+                "the robot's feet carry it: its windows are excluded until it is suspended; a robot that walks: --free-base (its board: proprio flash --walking)"
                     .to_owned(),
             ),
             (true, false) => self.happened("the robot is suspended".to_owned()),

@@ -59,3 +59,4 @@ pub(crate) use record::even;
 pub use result::{
     BendCandidate, Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf,
 };
+pub use text::Did;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
+use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode, file_name};
 use crate::model::{JointQuantity, LINK_ELASTICITY};
 use crate::robust::median;
-use crate::summary::{Summary, ValueLine, short, typed, value_lines};
+use crate::summary::{Summary, ValueLine, quoted, short, typed, value_lines, word};
 
 /// A value ± its standard deviation, whose first two digits say how many the value has.
 fn with_std(of: Estimated) -> String {
@@ -21,9 +21,20 @@ fn with_std(of: Estimated) -> String {
     }
 }
 
+/// What a command did with responses beside printing them: what need not be proposed again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Did {
+    /// Nothing.
+    Printed,
+    /// It wrote the responses or a page of them.
+    Written,
+    /// It wrote springs and dampers into the model file.
+    Applied,
+}
+
 impl Frf {
-    /// What matters most.
-    pub fn summary(&self, model: Option<&Path>, applied: bool) -> Summary {
+    /// What matters most; `did`: what the command has done beside printing it.
+    pub fn summary(&self, model: Option<&Path>, did: Did) -> Summary {
         let error = self.error();
         let headline = match (error.before, error.after) {
             (Some(before), Some(after)) => {
@@ -65,30 +76,36 @@ impl Frf {
         points.push(self.measurement_in_words());
         points.extend(self.links.iter().map(link_in_words));
         points.truncate(3);
-        let logs = typed(&self.logs, model);
-        let next = if applied {
-            format!("proprio compare {logs}")
-        } else if model.is_some() && self.error().after.is_some() {
-            let few = self
-                .few
-                .map_or_else(String::new, |n| format!(" --experiments {n}"));
-            format!("proprio frf {logs}{few} --apply")
-        } else if model.is_none() && self.joints.len() > 1 {
-            // Springs of several joints need the links' masses.
-            format!("proprio frf {logs} -m MODEL")
-        } else {
-            let stem = self
-                .logs
-                .first()
-                .map_or_else(|| "frf".into(), |log| super::result::file_name(log));
-            let stem = stem.split('.').next().unwrap_or("frf").to_owned();
-            format!("proprio frf {logs} --html {stem}.html -o {stem}_frf.csv")
-        };
         Summary {
             headline,
             points,
-            next: vec![next],
+            next: self.next(model, did).into_iter().collect(),
             ..Summary::default()
+        }
+    }
+
+    /// The command after one that `did` so much; none where the rest needs a model of the robot, which the warnings say.
+    fn next(&self, model: Option<&Path>, did: Did) -> Option<String> {
+        let logs = typed(&self.logs, model);
+        match (did, model) {
+            // No simulator's file has a word for these springs.
+            (Did::Applied, Some(model)) => Some(format!("proprio show {}", word(model))),
+            (_, Some(_)) if self.error().after.is_some() => {
+                let few = self
+                    .few
+                    .map_or_else(String::new, |n| format!(" --experiments {n}"));
+                Some(format!("proprio frf {logs}{few} --apply"))
+            }
+            // A page needs the responses, which fewer experiments than joints do not give.
+            (Did::Printed, _) if self.few.is_none() => {
+                let log = self.logs.first();
+                let stem = log.map_or_else(|| "frf".into(), |log| file_name(log));
+                let stem = stem.split('.').next().unwrap_or("frf");
+                let [page, table] = [format!("{stem}.html"), format!("{stem}_frf.csv")];
+                let [page, table] = [page, table].map(|name| quoted(&name));
+                Some(format!("proprio frf {logs} --html {page} -o {table}"))
+            }
+            _ => None,
         }
     }
 

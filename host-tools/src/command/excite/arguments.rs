@@ -1,6 +1,7 @@
 //! What can be asked of a design.
 
 use crate::catalogue;
+use crate::command::simulate::within;
 use crate::excite::Margins;
 use crate::excite::trunk::Ground;
 use crate::model::UnknownName;
@@ -14,13 +15,13 @@ pub(super) struct LimitArguments {
     #[arg(long, value_name = "RAD", default_value_t = Margins::default().position)]
     position_margin: f64,
     /// Share of the greatest speed
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().velocity)]
+    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().velocity, value_parser = within(0.0, 1.0))]
     velocity_share: f64,
     /// Greatest acceleration, rad/s²
     #[arg(long, value_name = "RAD/S2", default_value_t = Margins::default().acceleration)]
     acceleration: f64,
     /// Share of the greatest torque
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().torque)]
+    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().torque, value_parser = within(0.0, 1.0))]
     torque_share: f64,
     /// Share of the greatest power, a quarter of torque times speed
     #[arg(long, value_name = "SHARE", default_value_t = Margins::default().power)]

@@ -3,9 +3,10 @@
 use std::net::SocketAddr;
 use std::time::Instant;
 
+use crate::clock::now_ns;
 use crate::log::cdr;
 use crate::monitor::View;
-use crate::monitor::foxglove::{Channel, Server, now_ns};
+use crate::monitor::foxglove::{Channel, Server};
 use crate::monitor::web::{PERIOD, WebError};
 use proprio_core::go2::{JointId, Leg};
 

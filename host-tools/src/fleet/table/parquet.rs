@@ -47,6 +47,8 @@ pub(in crate::fleet) const MESSAGE: &str = "message blocks {
   required int64 crc32c;
   required binary program (UTF8);
 }";
+/// The first bytes of a Parquet file (its format's specification).
+const MAGIC: &[u8] = b"PAR1";
 /// How hard zstd tries: higher levels gain less than 1 % of such bytes.
 const LEVEL: i32 = 9;
 /// Most rows of a row group, and most numbers of one, that are read: what a damaged count asks for is not reserved.
@@ -215,6 +217,14 @@ impl Reading {
         name: &str,
         file: R,
     ) -> Result<Table, Fault> {
+        // A log or a text has other first bytes; a table that is cut keeps its own.
+        let begin = file.get_bytes(0, MAGIC.len().min(file.len() as usize));
+        if begin.is_ok_and(|begin| !MAGIC.starts_with(&begin)) {
+            return Err(Fault::NotBlocks {
+                file: name.to_owned(),
+                found: None,
+            });
+        }
         let reader = SerializedFileReader::new(file).map_err(|error| damaged(name, error))?;
         let metadata = reader.metadata().file_metadata();
         let pairs = metadata.key_value_metadata().map_or(&[][..], Vec::as_slice);

@@ -7,30 +7,26 @@ use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::identify::screen;
 use crate::parameter;
-use crate::summary::{Summary, torque, typed, word};
-use crate::table::{Table, with_std};
+use crate::summary::{Summary, torque, typed};
+use crate::table::{RangeValue, Table, with_std};
 
 impl FreeBaseIdentification {
     /// The first screen: the robot's mass, the error, the trunk, what every drive has. `file`: the model that was fitted; `written`: the file
     /// that has the values.
     pub fn summary(&self, file: Option<&Path>, written: Option<&Path>) -> Summary {
         let all: Vec<&ParameterEstimate> = self.parameters.iter().collect();
-        let logs = |model| typed(&self.logs, model);
         let next = match written {
-            Some(written) => format!(
-                "proprio compare --free-base {} -m {}",
-                logs(None),
-                word(written)
-            ),
-            None => format!("proprio diagnose --free-base {}", logs(file)),
+            Some(written) => screen::next_of_written(&all, written),
+            None => format!("proprio diagnose --free-base {}", typed(&self.logs, file)),
         };
+        let check = screen::check(written);
         let mut rows = self.quantity_rows();
         rows.extend(screen::drive_rows(&self.joints, |name| {
-            self.parameter(name)
+            self.parameter(name).map(RangeValue::from)
         }));
         let open = screen::not_identified(&all, &self.joints).unwrap_or_default();
         let points = vec![
-            format!("{} {open}", screen::bodies(&all)),
+            format!("{} {open}{check}", screen::bodies(&all)),
             self.sensors_in_words(),
             self.windows_in_words(),
         ];

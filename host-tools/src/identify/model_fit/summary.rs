@@ -6,7 +6,8 @@ use super::result::Fitted;
 use super::text::{between, unphysical};
 use crate::estimate::ParameterEstimate;
 use crate::identify::screen;
-use crate::summary::{POINTS, Summary, from_standard_input, torque, typed, word};
+use crate::summary::{POINTS, Summary, from_standard_input, torque, typed};
+use crate::table::RangeValue;
 
 impl Fitted {
     /// The first screen: the error, what every drive has, what is not identified. `file`: the model that was fitted; `written`: the file
@@ -27,22 +28,22 @@ impl Fitted {
                 self.consistency[0].parameter
             ),
         };
+        let check = screen::check(written);
         let points = [
             impossible,
             screen::other_effects(&all, &joints).unwrap_or_default(),
             screen::not_identified(&all, &joints).unwrap_or_default(),
-            format!("{} {time}", screen::bodies(&all)),
+            format!("{} {time}{check}", screen::bodies(&all)),
         ];
         let points = points.into_iter().filter(|point| !point.is_empty());
-        let logs = typed(&self.logs, None);
         let next = match written {
             _ if from_standard_input(&self.logs) => None,
-            Some(written) => Some(format!("proprio compare {logs} -m {}", word(written))),
+            Some(written) => Some(screen::next_of_written(&all, written)),
             None => Some(format!("proprio advise {}", typed(&self.logs, file))),
         };
         Summary {
             headline: self.first_line(),
-            rows: screen::drive_rows(&joints, |name| self.parameter(name)),
+            rows: screen::drive_rows(&joints, |name| self.parameter(name).map(RangeValue::from)),
             points: points.take(POINTS).collect(),
             next: next.into_iter().collect(),
         }

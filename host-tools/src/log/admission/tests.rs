@@ -357,6 +357,31 @@ fn a_torque_that_leaps_for_a_moment_is_left_out() {
     }
 }
 
+/// A foot's touch-down, every 0.36 s: at 50 and 100 Hz its torque leaps for one row. The velocity shows it, so that only the damaged value goes.
+#[test]
+fn touch_downs_stay_at_every_rate() {
+    for rate in [50.0, 100.0, 500.0, 1000.0] {
+        let mut log = Made::swing(2, rate, 6.0, 0.3, 7, true);
+        let damaged = (3.06 * rate) as usize;
+        for (n, (t, joints)) in log.rows.iter_mut().enumerate() {
+            for k in 0..11 {
+                // The foot's speed is gone within a row, and comes back in 50 ms; the torque's pulse lasts 12 ms.
+                let since = *t - (1.44 + 0.36 * f64::from(k));
+                joints[0][2] += 8.0 * (1.0 - since.abs() / 0.006).max(0.0);
+                if since > -1e-9 {
+                    joints[0][0] += 0.6 * 0.05 * (1.0 - (-since / 0.05).exp());
+                    joints[0][1] += 0.6 * (-since / 0.05).exp();
+                }
+            }
+            if n == damaged {
+                joints[1][2] += 8.0;
+            }
+        }
+        let found = (Cause::Impossible, 1);
+        assert_eq!(log.left_out(), (vec![damaged], vec![found]), "{rate} Hz");
+    }
+}
+
 /// A step, a pulse of three rows, and a blow whose velocity shows stay.
 #[test]
 fn torques_that_a_robot_may_have_stay() {

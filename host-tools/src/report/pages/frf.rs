@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use super::{Unreadable, header};
 use crate::report::{Header, Page, responses};
-use crate::spectrum::Frf;
+use crate::spectrum::{Did, Frf};
 
 /// Responses measured and modelled, noise against distortion, values.
 ///
 /// # Errors
 /// The path of a log that cannot be read any more, and why.
 pub fn responses(found: &Frf, logs: &[PathBuf], model: Option<&Path>) -> Result<Page, Unreadable> {
-    let summary = found.summary(model, false);
+    let summary = found.summary(model, Did::Written);
     let findings = summary
         .points
         .into_iter()
