@@ -136,9 +136,7 @@ pub enum FormulaProblem {
     #[error("`{0}` is no unit of N, m, kg, s, rad, °C")]
     Unit(String),
     /// Nothing, wherever the joint is and however it moves, so that its parameter has no effect.
-    #[error(
-        "this is zero over the joint's whole range: no value of its parameter changes anything"
-    )]
+    #[error("this is zero wherever the joint is: no value of its parameter changes anything")]
     Zero,
     /// Not finite within what the joint does.
     #[error("this is not finite at {0}")]

@@ -241,7 +241,6 @@ impl Site<'_> {
         let beyond = named.iter().map(|x| x + x.abs().max(1.0));
         let beyond: Vec<f64> = beyond.collect();
         let marks = named.into_iter().chain(between).chain(beyond);
-        let [from, to] = self.limits;
         let points = marks.enumerate().flat_map(|(n, mark)| {
             let with = move |change: fn(&mut JointState<f64>, f64)| {
                 // None of these is at rest.
@@ -249,17 +248,15 @@ impl Site<'_> {
                 joints.iter_mut().for_each(|joint| change(joint, mark));
                 joints
             };
-            // Beyond its stops no joint is.
-            let position = (from..=to)
-                .contains(&mark)
-                .then(|| with(|joint, x| joint.q = x));
-            let others: [fn(&mut JointState<f64>, f64); 4] = [
+            // Stops give way: a torque may act beyond the limits alone.
+            let signals: [fn(&mut JointState<f64>, f64); 5] = [
+                |joint, x| joint.q = x,
                 |joint, x| (joint.dq, joint.speed) = (x, x),
                 |joint, x| joint.load = x,
                 |joint, x| joint.temperature = x,
                 |joint, x| joint.time = x,
             ];
-            position.into_iter().chain(others.map(with))
+            signals.map(with)
         });
         points.collect()
     }
