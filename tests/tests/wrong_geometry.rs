@@ -75,6 +75,8 @@ fn an_axis_that_is_off_is_named_and_put_right() {
         after < 1.1 * floor && before > 2.0 * floor,
         "{before} {after} {floor}"
     );
+    let shown = done(folder.path(), &["show", "arm.toml"]);
+    assert!(shown.contains("joint frames corrected against the description: elbow"));
     let later = error_of(folder.path());
     assert!(later < 1.2 * floor, "{later} {floor}");
 }

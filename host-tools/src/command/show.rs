@@ -46,6 +46,8 @@ struct Report {
     /// What several witnesses measured.
     witnesses: Vec<Witnessed>,
     bodies: Vec<Body>,
+    /// Joints whose frames are corrected.
+    corrected: Vec<String>,
     /// Joints that are held, and where, rad or m.
     held: Vec<Held>,
     /// What was taken otherwise than the URDF has it.
@@ -136,6 +138,7 @@ impl Report {
             effects: effects.collect(),
             witnesses: model.witnessed(),
             bodies: bodies.collect(),
+            corrected: model.corrected_joints(),
             held: robot
                 .held()
                 .iter()
@@ -183,6 +186,7 @@ impl Report {
         let points = (!notes.is_empty())
             .then(|| notes.join("; "))
             .into_iter()
+            .chain(self.frames_in_words(&joints))
             .chain(from)
             .chain(self.witnesses.iter().map(ToString::to_string));
         let found = self.logs.iter().all(|log| Path::new(log).exists());
@@ -212,6 +216,13 @@ impl Report {
             next: next.into_iter().collect(),
         };
         screen.screen(&[], "--verbose (each joint's values ± 1σ, bodies)")
+    }
+
+    /// Which joints' frames are not where the description has them.
+    fn frames_in_words(&self, joints: &[String]) -> Option<String> {
+        let corrected = joints_in_words(&self.corrected, joints);
+        (!self.corrected.is_empty())
+            .then(|| format!("joint frames corrected against the description: {corrected}"))
     }
 
     fn joints(&self) -> Vec<String> {
@@ -337,6 +348,9 @@ impl std::fmt::Display for Report {
                     body.body, body.mass, body.cad_mass
                 )?;
             }
+        }
+        if let Some(frames) = self.frames_in_words(&self.joints()) {
+            writeln!(f, "\n{frames}")?;
         }
         if let Some(command) = &self.command {
             writeln!(f, "\nFrom {}: {command}", self.logs.join(", "))?;

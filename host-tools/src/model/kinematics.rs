@@ -335,6 +335,15 @@ impl Model {
         }
     }
 
+    /// The names of the joints whose frames are corrected.
+    pub(crate) fn corrected_joints(&self) -> Vec<String> {
+        let joints = 0..self.robot.bodies().len();
+        joints
+            .filter(|&joint| self.frame_correction(joint).is_some())
+            .map(|joint| self.joint_name(joint).to_owned())
+            .collect()
+    }
+
     /// Where a joint's frame is in its parent's: where the description has it, times what is known of its correction.
     pub fn placement(&self, joint: usize) -> Transform<f64> {
         let described = self.robot.bodies()[joint].placement;

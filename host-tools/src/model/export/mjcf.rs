@@ -10,8 +10,8 @@ use super::effects::{JointAttribute, Stated, Tendon};
 use super::mjcf_input::Input;
 use super::whole::mjcf_inertial;
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, bodies, corrected, effects, error, number,
-    numbers, whole, with_mass, without,
+    ExportError, ExportProblem, Exported, Inertial, bodies, effects, error, number, numbers, whole,
+    with_mass, without,
 };
 use crate::model::{BASE, Model};
 
@@ -28,7 +28,7 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         return Ok(Exported {
             text: whole::mjcf(model, &stated),
             bodies: with_mass(model),
-            origins: corrected(model),
+            origins: model.corrected_joints(),
             effects: stated.written,
             notes: stated.notes,
         });
@@ -87,7 +87,7 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
                 .push("base is left out: the file has no body that carries all limbs".to_owned()),
         }
     }
-    let moved = corrected(model);
+    let moved = model.corrected_joints();
     if !moved.is_empty() {
         notes.push(format!(
             "calibrated joint frames are left out, an MJCF without a file gets them: {}",

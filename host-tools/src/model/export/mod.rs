@@ -176,15 +176,6 @@ fn with_mass(model: &Model) -> Vec<String> {
     bodies(model, |b| model.inertia(b).mass() > 0.0)
 }
 
-/// Joints whose frames calibration corrected.
-fn corrected(model: &Model) -> Vec<String> {
-    let joints = 0..model.robot().bodies().len();
-    joints
-        .filter(|&joint| model.frame_correction(joint).is_some())
-        .map(|joint| model.joint_name(joint).to_owned())
-        .collect()
-}
-
 /// What is left of `whole` without what it carries.
 fn without(
     whole: &InertialParameters<f64>,

@@ -11,8 +11,8 @@ use super::edit::Edits;
 use super::effects::{JointAttribute, LIMIT, Stated};
 use super::whole::{self, INERTIA, dynamics_element, inertial_element, origin_element};
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, bodies, corrected, effects, error, number,
-    numbers, same_axis, same_place, with_mass, without,
+    ExportError, ExportProblem, Exported, Inertial, bodies, effects, error, number, numbers,
+    same_axis, same_place, with_mass, without,
 };
 use crate::model::urdf::Description;
 use crate::model::{BASE, Body, Model, RobotProblem, Source};
@@ -33,7 +33,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         return Ok(Exported {
             text: whole::urdf(model, &stated.attributes),
             bodies: with_mass(model),
-            origins: corrected(model),
+            origins: model.corrected_joints(),
             effects: stated.written,
             notes: stated.notes,
         });
@@ -81,7 +81,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
     Ok(Exported {
         text: edits.apply(),
         bodies: bodies(model, |b| model.is_identified(b)),
-        origins: corrected(model),
+        origins: model.corrected_joints(),
         effects: written,
         notes,
     })
