@@ -25,6 +25,10 @@ const SHIFT: f64 = 0.02;
 const STEP: f64 = 0.02;
 /// Times that the frame is moved and derivatives are made anew: an angle of 0.1 rad is then left open by 1e-6.
 const ROUNDS: usize = 3;
+/// Frames that are sought, of those whose derivatives promise no less than this share of what the best promises: far from where it is, a frame is
+/// told from another by its second derivatives.
+const MOST_SOUGHT: usize = 3;
+const AS_GOOD: f64 = 0.5;
 /// A frame that is fewer of its standard deviations off is none: of normal errors one in two million, and a robot has tens of frames.
 const LEAST: f64 = 5.0;
 
@@ -145,25 +149,36 @@ pub(crate) fn other(
     let all: Vec<(usize, Move)> = (1..data.joints())
         .flat_map(|joint| moves.map(|how| (joint, how)))
         .collect();
-    let falls = by_number(0..all.len(), |n| {
+    let promised = by_number(0..all.len(), |n| {
         let (joint, how) = all[n];
         let slopes = start.derivatives(joint, how, &left.windows)?;
-        let fall = left.coefficients(&slopes, &[0.0; 3], data.joints())?.fall;
-        // A number more explains something of any noise (Schwarz 1978).
-        let price = slopes.len() as f64 * (left.windows.len() as f64).ln();
-        Some(fall - price)
+        let step = left.coefficients(&slopes, &[0.0; 3], data.joints())?;
+        Some((step.fall, all[n]))
     });
-    let best = falls
-        .iter()
-        .zip(&all)
-        .filter_map(|(fall, own)| Some(((*fall)?, *own)));
-    let (fall, (joint, moved)) = best.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mut promised: Vec<(f64, (usize, Move))> = promised.into_iter().flatten().collect();
+    promised.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (most, _) = *promised.first()?;
     // Derivatives promise less than a frame that is far off takes, and most of it where it is the cause.
     let left =
         [&data.squares(&start.predicted), goal].map(|squares| squares.weighted(&start.fit.noise));
-    if !explains_most(left[0], left[0] - fall, left[1]) {
+    if !explains_most(left[0], left[0] - most, left[1]) {
         return None;
     }
+    let may_be = promised.iter().filter(|(fall, _)| *fall >= AS_GOOD * most);
+    let sought = may_be
+        .take(MOST_SOUGHT)
+        .filter_map(|(_, own)| sought(data, places, how, *own));
+    let left = |(_, squares): &(OtherFrame, Squares)| squares.weighted(&start.fit.noise);
+    sought.min_by(|a, b| left(a).total_cmp(&left(b)))
+}
+
+/// A joint's frame where the data have it, and the limb's held-out squares with it; none if it is not surely elsewhere.
+fn sought(
+    data: &LimbData,
+    places: &[Place],
+    how: &How,
+    (joint, moved): (usize, Move),
+) -> Option<(OtherFrame, Squares)> {
     let body = data.body_of(joint);
     // In units of what is known.
     let mut by = Vector3::zeros();
