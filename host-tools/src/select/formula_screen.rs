@@ -673,5 +673,5 @@ fn seen(fit: &LimbFit) -> States {
         .filter(|place| !fit.places.contains(place))
         .collect();
     let columns = data.columns(&fit.values, &fit.places, &candidates);
-    data.motion.states(&data.body, &fit.values, &columns, 0.0)
+    data.motion.seen(&data.body, &fit.values, &columns)
 }
