@@ -239,6 +239,24 @@ impl Problem {
 
     /// The same, looked for from `start`, which may be near: there is one minimum. A start that is not possible is not used.
     pub fn solve_from(&self, start: &DVector<f64>) -> Option<Solution> {
+        let minimum = self.minimum(start)?;
+        let expanded = self.expand(&minimum.fixed, &minimum.theta)?.dense();
+        let n = minimum.theta.len();
+        Some(Solution {
+            factor: expanded.view((0, 0), (n, n)).into_owned(),
+            theta: minimum.theta,
+            held: minimum.held,
+            #[cfg(test)]
+            iterations: minimum.iterations,
+        })
+    }
+
+    /// Where that is, and nothing of how surely: an expansion less.
+    pub fn theta_from(&self, start: &DVector<f64>) -> Option<DVector<f64>> {
+        Some(self.minimum(start)?.theta)
+    }
+
+    fn minimum(&self, start: &DVector<f64>) -> Option<Minimum> {
         let bounds = self.bounds();
         let inside =
             (start.iter().zip(&bounds)).all(|(x, [lower, upper])| x >= lower && x <= upper);
@@ -250,18 +268,8 @@ impl Problem {
         let fixed = self.fixed();
         let mut held = vec![false; theta.len()];
         let (mut iterations, mut done) = (0, false);
-        loop {
+        while !done && iterations < MAX_ITERATIONS {
             let expanded = self.expand(&fixed, &theta)?;
-            if done || iterations >= MAX_ITERATIONS {
-                let n = theta.len();
-                return theta.iter().all(|x| x.is_finite()).then(|| Solution {
-                    theta,
-                    factor: expanded.dense().view((0, 0), (n, n)).into_owned(),
-                    held,
-                    #[cfg(test)]
-                    iterations,
-                });
-            }
             let (target, at_bound) = within(&expanded, &theta, &bounds);
             let arrived = is_near(&expanded, (&target - &theta).as_slice());
             let mut falls = false;
@@ -285,7 +293,23 @@ impl Problem {
             iterations += 1;
             done = arrived || !falls;
         }
+        theta.iter().all(|x| x.is_finite()).then_some(Minimum {
+            theta,
+            held,
+            fixed,
+            #[cfg(test)]
+            iterations,
+        })
     }
+}
+
+/// Where the cost is least: the point, which parameters are held at a bound, and what no step has changed.
+struct Minimum {
+    theta: DVector<f64>,
+    held: Vec<bool>,
+    fixed: HeapFactor,
+    #[cfg(test)]
+    iterations: usize,
 }
 
 /// Whether a step moves no parameter by as much as [`CONVERGED`] of its standard deviation.

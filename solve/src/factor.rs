@@ -215,7 +215,8 @@ impl HeapFactor {
         let own = DMatrixView::from_slice(rows, width, count)
             .rows(panel.start, size)
             .into_owned();
-        let products = &own * own.transpose();
+        let transposed = own.transpose();
+        let products = &own * &transposed;
         let mut triangle = DMatrix::zeros(size, size);
         for n in 0..size {
             let scale = reflections[n].scale;
@@ -224,7 +225,7 @@ impl HeapFactor {
             triangle[(n, n)] = scale;
         }
         let mut sums =
-            DMatrixView::from_slice(rows, width, count).rows(panel.end, behind) * own.transpose();
+            DMatrixView::from_slice(rows, width, count).rows(panel.end, behind) * transposed;
         for ((n, k), reflection) in panel.clone().enumerate().zip(&reflections) {
             let pivot = &row_mut(&mut self.numbers, width, k)[panel.end - k..];
             add(sums.column_mut(n).as_mut_slice(), reflection.head, pivot);

@@ -111,7 +111,7 @@ impl NestedLimb {
             };
             for f in 0..self.folds() {
                 problem.data = stacked(&sum(Some(f))?, noise);
-                let own = problem.solve_from(theta)?.theta;
+                let own = problem.theta_from(theta)?;
                 let full = self.spread(&active, &own);
                 let squares =
                     |joint: &NestedJoint| joint.test[f].sum_of_squares(&joint.combined(&full));

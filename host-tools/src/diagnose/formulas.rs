@@ -19,7 +19,7 @@ use crate::select::candidate::Member;
 use crate::select::criteria::statistics::FALSE_ALARM;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::fitted::Fitted;
-use crate::select::formula_screen::{Pick, pick};
+use crate::select::formula_screen::{KnownFactors, Pick, pick};
 use crate::select::formulas::Asked;
 use crate::table::with_std;
 
@@ -138,9 +138,9 @@ pub(super) fn find<'a>(
     let alarm = FALSE_ALARM / joints.len().max(1) as f64;
     let mut found: Vec<(Member, Pick)> = Vec::new();
     for &(limb, joint) in joints {
-        let own = &data[limb];
+        let (own, known) = (&data[limb], KnownFactors::default());
         let screen = |fit: &LimbFit| -> Option<(Asked, Pick)> {
-            let pick = pick(fit, joint, (alarm, STRUCTURE))?;
+            let pick = pick(fit, joint, (alarm, STRUCTURE), &known)?;
             let stands = pick.share >= STRUCTURE;
             let asked = stands.then(|| asked(own, (limb, joint), &pick)).flatten();
             asked.map(|asked| (asked, pick))

@@ -20,7 +20,11 @@ pub(crate) fn play(t: &[f64], load: &[f64], inertia: &[f64], gap: f64) -> Vec<[f
     let (mut x, mut v) = (load.first().map_or(0.0, |l| -half * l.signum()), 0.0);
     let mut all = Vec::with_capacity(t.len());
     for k in 0..t.len() {
-        if k > 0 {
+        // Most of the time it rests where it is and is pressed there from one sample to the next: no step would move it.
+        let pressed = |torque: f64| torque * x < 0.0;
+        let rests =
+            k > 0 && v == 0.0 && x.abs() == half && pressed(load[k - 1]) && pressed(load[k]);
+        if k > 0 && !rests {
             let time = t[k] - t[k - 1];
             let steps = (time / STEP).ceil().max(1.0);
             let step = time / steps;
@@ -64,6 +68,17 @@ mod tests {
         let middle = moved[29];
         let free = 0.5 / inertia * (t[29] - t[19] - 0.0005).powi(2) / gap - 0.5;
         assert!((middle[0] - free).abs() < 0.02, "{} {free}", middle[0]);
+    }
+
+    /// Pressed to one side it stays, and lets go with the first step in which it is not pressed all the time.
+    #[test]
+    fn a_link_that_is_pressed_rests() {
+        let t: Vec<f64> = (0..40).map(|k| 0.002 * f64::from(k)).collect();
+        let load: Vec<f64> = t.iter().map(|t| (80.0 * t).cos()).collect();
+        let turn = load.iter().position(|l| *l < 0.0).unwrap();
+        let moved = play(&t, &load, &vec![0.05; t.len()], 0.004);
+        assert!(moved[..turn].iter().all(|x| *x == [-0.5, 0.0]));
+        assert!(moved[turn][0] > -0.5 && moved[turn][1] > 0.0);
     }
 
     fn t_of(k: u32) -> f64 {

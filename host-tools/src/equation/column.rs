@@ -86,8 +86,8 @@ pub(super) enum Sees {
 }
 
 /// Whether an effect's window terms at a joint are made of the other joints' states too: of the catalogue's with terms of their own none is.
-pub(super) fn sees_other_joints(effect: EffectKind) -> bool {
-    matches!(effect, EffectKind::Own(_))
+pub(crate) fn sees_other_joints(effect: EffectKind) -> bool {
+    !effect.others().is_empty()
 }
 
 impl Column {

@@ -92,7 +92,7 @@ impl States {
         shapes: Shapes,
     ) -> [Term<f64>; MAX_COLUMNS] {
         if !sees_other_joints(effect) {
-            return effect.terms(&self.joint(k, joint), shapes[0]);
+            return effect.terms_among(&[self.joint(k, joint)], 0, shapes);
         }
         let mut joints = Vec::with_capacity(self.joints());
         self.all(k, &mut joints);
@@ -137,6 +137,12 @@ impl Motion {
         self.states_of(body, values, (columns, &made), (delay, &None), true)
     }
 
+    /// The same without the links' motion, which no effect sees.
+    pub(crate) fn seen(&self, body: &LimbBody, values: &Values, columns: &Columns) -> States {
+        let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        self.states_of(body, values, (columns, &made), (0.0, &None), false)
+    }
+
     /// The same of which only the columns `made` are asked, of the samples that are `asked` for, and of the links' motion only where
     /// `links` says so.
     pub(crate) fn states_of(
@@ -150,7 +156,7 @@ impl Motion {
         let n = self.joints;
         // A drive's torque is made of all effects that the model has.
         let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-        let needs = Needs::of(values, made, &all);
+        let needs = Needs::of(values, (made, &all), links);
         let seen = if needs.torque.is_empty() { made } else { &all };
         let motors = self.late(delay);
         let range = asked
@@ -185,7 +191,10 @@ impl Motion {
         }
         (states.motors, states.encoders) = (motors.clone(), encoders);
         if needs.load {
-            let loose = !needs.play.is_empty() || !needs.spring.is_empty();
+            // Whether links are asked for or not, it is the same load where one may move: worked out once for both.
+            let is_loose = |(effect, _): Place| effect.description().is_compliant();
+            let loose =
+                !needs.play.is_empty() || !needs.spring.is_empty() || values.places().any(is_loose);
             let load = match asked {
                 None => self.load(body, values, (loose, delay)),
                 Some((_, asked)) => {
@@ -266,8 +275,8 @@ pub(super) struct Needs {
 }
 
 impl Needs {
-    /// What the columns `made`, of `all`, and the links' motion ask for.
-    fn of(values: &Values, made: &[&Column], all: &[&Column]) -> Self {
+    /// What the columns `made`, of `all`, ask for, and the links' motion where it is asked for.
+    fn of(values: &Values, (made, all): (&[&Column], &[&Column]), links: bool) -> Self {
         let sees_load = |column: &&Column| match column {
             Column::Own { effect, .. } | Column::Coupled { effect, .. } => {
                 effect.description().input == Input::TransmittedTorque
@@ -290,7 +299,8 @@ impl Needs {
         let joints = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
             (0..values.bodies.len()).filter(|j| is(*j)).collect()
         };
-        let moves = |of: Transmission| joints(&|j| has(of, j) || asks(of, j));
+        // Effects see the motors' motion: where links are is for the bodies alone, and dear.
+        let moves = |of: Transmission| joints(&|j| links && (has(of, j) || asks(of, j)));
         let (play, spring) = (moves(Transmission::Backlash), moves(Transmission::Spring));
         let torque = joints(&|at| {
             (made.iter()).any(|column| match column {
@@ -302,9 +312,9 @@ impl Needs {
                 _ => false,
             })
         });
-        let links = !play.is_empty() || !spring.is_empty();
+        let loose = !play.is_empty() || !spring.is_empty();
         Self {
-            load: !torque.is_empty() || links || made.iter().any(sees_load),
+            load: !torque.is_empty() || loose || made.iter().any(sees_load),
             smooth: all.iter().any(sees_load),
             torque,
             play,

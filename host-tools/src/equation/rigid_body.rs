@@ -19,14 +19,14 @@ use crate::recording::MAX_JOINTS;
 ///
 /// Matrices are row-major, n × 10 n: joint by joint, the ten parameters of each body.
 pub(crate) trait RigidBody: Send + Sync {
-    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter.
+    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter. And the slopes there, where they are asked for.
     fn regressors(
         &self,
         base: &Transform<f64>,
-        q: &[f64],
-        dq: &[f64],
+        motion: [&[f64]; 2],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
+        slopes: Option<&mut Slopes>,
     );
 
     /// How momentum and rate change with the motion, at the current inertias.
@@ -175,10 +175,10 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
     fn regressors(
         &self,
         base: &Transform<f64>,
-        q: &[f64],
-        dq: &[f64],
+        [q, dq]: [&[f64]; 2],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
+        slopes: Option<&mut Slopes>,
     ) {
         let k = self.kinematics(base, q, dq);
         let mut rows = [[[0.0; INERTIAL]; B]; B];
@@ -187,6 +187,9 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         if let Some(momentum) = momentum {
             self.tree.write_momentum_regressor(&k, &mut rows);
             self.copy(momentum, &rows);
+        }
+        if let Some(slopes) = slopes {
+            slopes.set(&self.tree.momentum_derivatives(&k));
         }
     }
 
@@ -325,7 +328,7 @@ mod tests {
             [0.3, -1.1, 2.7].map(|x| (1..4).map(|j| (x * f64::from(j)).sin()).collect::<Vec<_>>());
         let told = |body: &dyn RigidBody| {
             let [mut momentum, mut rate, mut torque] = [(); 3].map(|()| vec![0.0; 90]);
-            body.regressors(&base, &q, &dq, Some(&mut momentum), &mut rate);
+            body.regressors(&base, [&q, &dq], Some(&mut momentum), &mut rate, None);
             body.torque_regressor(&base, [&q, &dq, &ddq], &mut torque);
             let [mut p, mut r, mut forces, mut inertia] = [(); 4].map(|()| vec![0.0; 3]);
             body.momentum_and_rate(&base, [&q, &dq], &mut p, &mut r);

@@ -404,12 +404,13 @@ impl<'a> Pass<'a> {
             states,
         } = workspace;
         if self.with_regressors || self.with_slopes {
-            let [q, dq] = [&self.states.q[at.clone()], &self.states.dq[at]];
+            let motion = [&self.states.q[at.clone()], &self.states.dq[at]];
             if self.with_regressors {
                 let momentum = edge.then_some(&mut momentum[..]);
-                self.rigid.regressors(&self.base, q, dq, momentum, rate);
-            }
-            if self.with_slopes {
+                let slopes = self.with_slopes.then_some(slopes);
+                (self.rigid).regressors(&self.base, motion, momentum, rate, slopes);
+            } else {
+                let [q, dq] = motion;
                 self.rigid.slopes(&self.base, q, dq, slopes);
             }
         }

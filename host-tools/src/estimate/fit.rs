@@ -270,13 +270,16 @@ impl<'a> LimbFit<'a> {
             data: stacked(&all, &sizes),
             free: how.constraint == Constraint::Free,
         };
-        let mut solution = problem.solve()?;
-        let mut noise = sizes.clone();
-        for _ in 0..NOISE_ROUNDS {
-            noise = noises(&all, &solution.theta, &sizes);
+        let (mut theta, mut noise) = (problem.theta_from(&problem.start())?, sizes.clone());
+        for round in 1..=NOISE_ROUNDS {
+            noise = noises(&all, &theta, &sizes);
             problem.data = stacked(&all, &noise);
-            solution = problem.solve_from(&solution.theta)?;
+            if round < NOISE_ROUNDS {
+                theta = problem.theta_from(&theta)?;
+            }
         }
+        // How surely all is known is asked of the last one.
+        let mut solution = problem.solve_from(&theta)?;
         let mut tightness = vec![1.0; problem.bodies.len()];
         if how.far_bodies != FarBodies::Pulled {
             for _ in 0..ROUNDS {

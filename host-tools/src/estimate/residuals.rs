@@ -104,7 +104,7 @@ impl LimbFit<'_> {
                 data: stacked(train, &self.noise),
                 ..self.problem.clone()
             };
-            Some(problem.solve_from(&self.solution.theta)?.theta)
+            problem.theta_from(&self.solution.theta)
         };
         side_by_side(&trains, solved).into_iter().collect()
     }

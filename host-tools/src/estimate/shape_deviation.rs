@@ -96,8 +96,8 @@ impl LimbFit<'_> {
         let all = Groups::of_factors(&columns, self.weights.blocks(data, &columns, &rows));
         let mut problem = self.problem.clone();
         problem.data = stacked(&all.sum(|_| true), &self.noise);
-        let there = problem.solve_from(&self.solution.theta)?;
-        Some((there.theta - &self.solution.theta).as_slice().to_vec())
+        let there = problem.theta_from(&self.solution.theta)?;
+        Some((there - &self.solution.theta).as_slice().to_vec())
     }
 
     /// How surely a shape of an effect, its parameter `n`, is known: by the prior alone where the prediction does not tell it.

@@ -6,6 +6,7 @@
 //! motion changes of the whole prediction. No shape sees the torque that it explains but as the right-hand side.
 
 use std::ops::Range;
+use std::slice::from_ref;
 use std::sync::{Arc, OnceLock};
 
 use proprio_core::effect::{EffectKind, Grid, Input, JointState, MAX_COLUMNS, MAX_SHAPES, Shapes};
@@ -13,7 +14,7 @@ use proprio_core::effect::{EffectKind, Grid, Input, JointState, MAX_COLUMNS, MAX
 use super::directions::{Kept, Key, Span, Vectors};
 use super::grid::{MULTIPLES, gear, grids, is_harmonic, is_narrow, pairs, size_of};
 use super::limb_data::LimbData;
-use crate::equation::column::Columns;
+use crate::equation::column::{Columns, sees_other_joints};
 use crate::equation::dot::dot;
 use crate::equation::joint_states::States;
 use crate::equation::presliding::Way;
@@ -151,7 +152,7 @@ impl<'a> Scan<'a> {
 
     pub(super) fn states(&self) -> &States {
         let (data, columns) = (self.data, self.columns);
-        let made = || data.motion.states(&data.body, self.values, columns, 0.0);
+        let made = || data.motion.seen(&data.body, self.values, columns);
         made_once(&self.states, made)
     }
 
@@ -370,8 +371,8 @@ impl<'a> Scan<'a> {
         let greatest = is_limit.then(|| &self.greatest()[joint]);
         let states = self.states();
         let term = |k: usize| states.terms(k, (effect, joint), shapes);
-        // Of the catalogue none sees the other joints: its state is put together once for all shapes.
-        let is_own = matches!(effect, EffectKind::Own(_));
+        // What sees no other joint has its state put together once for all shapes.
+        let sees_others = sees_other_joints(effect);
         let mut all = self.samples(joint).iter();
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
@@ -385,9 +386,9 @@ impl<'a> Scan<'a> {
             }
             let mut sums = [0.0; MAX_COLUMNS];
             for (k, sample) in (first..).zip(samples) {
-                let terms = match is_own {
+                let terms = match sees_others {
                     true => term(k),
-                    false => effect.terms(&sample.state, shapes[0]),
+                    false => effect.terms_among(from_ref(&sample.state), 0, shapes),
                 };
                 for (sum, term) in sums.iter_mut().zip(terms) {
                     *sum += sample.weight * term.rate + sample.edge * term.boundary;

@@ -93,7 +93,7 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
         let regressors = |t: f64| {
             let (q, dq) = motion(t);
             let (mut momentum, mut rate) = (vec![0.0; n * width], vec![0.0; n * width]);
-            rigid.regressors(&base, &q, &dq, Some(&mut momentum), &mut rate);
+            rigid.regressors(&base, [&q, &dq], Some(&mut momentum), &mut rate, None);
             (momentum, rate)
         };
         let (before, now, after) = (regressors(-STEP), regressors(0.0), regressors(STEP));

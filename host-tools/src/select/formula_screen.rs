@@ -9,7 +9,9 @@
 //! (Freedman & Lane 1983, *J. Business & Economic Statistics* 1:292; Westfall & Young 1993, max-T): the share of draws that explain as much
 //! is the probability of a false alarm over the whole grammar, whatever the residual's memory within a segment.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form, Input, JointState};
 use rand::{RngExt, SeedableRng};
@@ -124,8 +126,13 @@ pub(crate) struct ScreenRow {
 /// How often noise may ask for as much, and the least share of the residual's square that a term explains.
 pub(crate) type Gates = (f64, f64);
 
-/// The term that a joint's residual asks for most.
-pub(crate) fn pick(fit: &LimbFit, joint: usize, gates: Gates) -> Option<Pick> {
+/// The term that a joint's residual asks for most; what is `known` of factors there is not worked out again.
+pub(crate) fn pick(
+    fit: &LimbFit,
+    joint: usize,
+    gates: Gates,
+    known: &KnownFactors,
+) -> Option<Pick> {
     let (data, n) = (fit.data, fit.data.joints());
     let counting: Vec<usize> = (0..data.motion.windows.len())
         .filter(|&w| data.counts(w, joint))
@@ -166,13 +173,13 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, gates: Gates) -> Option<Pick> {
     };
     let range = MotionRange::of(data, joint, 0.0);
     let windows = counting.into_iter().step_by(stride).map(window);
-    pick_of(names, &range, windows, gates)
+    pick_of((names, known), &range, windows, gates)
 }
 
 /// The term that a joint's residual asks for most, whatever the source of the rows. `None` where nothing can be told, no term explains the `least`
 /// share of the residual's square, or noise asks as much more often than a false `alarm` may be.
 pub(crate) fn pick_of(
-    names: Names,
+    (names, known): (Names, &KnownFactors),
     range: &MotionRange,
     windows: impl Iterator<Item = ScreenWindow>,
     (alarm, least): Gates,
@@ -180,7 +187,7 @@ pub(crate) fn pick_of(
     let residual = Residual::of(names, windows)?;
     let [from, to] = range.positions;
     let all = terms(names, to - from);
-    let factors = residual.factors(&all, names, range);
+    let factors = residual.factors(&all, names, range, known);
     let tried: Vec<Tried> = by_number(0..all.len(), |n| {
         residual.tried(n, &all[n], &factors, range)
     })
@@ -311,10 +318,30 @@ struct Residual {
 /// Parts of a window in which what multiplies a carrier is taken to be what it is in the middle.
 const PARTS: usize = 3;
 
-/// Values of factors at the parts' middles, by their texts and shapes.
+/// By texts and shapes.
+type Values = HashMap<(String, u64), Arc<Vec<f64>>>;
+
+/// Values of factors at the parts' middles.
 struct Factors<'a> {
     names: Names<'a>,
-    known: HashMap<(String, u64), Vec<f64>>,
+    known: Values,
+}
+
+/// Factors of a joint that were worked out: between two screens of it the model changes, which moves the transmitted torque alone, and no factor has that.
+#[derive(Default)]
+pub(crate) struct KnownFactors(RefCell<(Vec<[u64; 5]>, Values)>);
+
+/// What factors see of a joint, bit by bit: a temperature may be no number.
+fn seen_by_factors(state: &JointState<f64>) -> [u64; 5] {
+    let motion = [state.q, state.speed, state.speed_noise];
+    let [q, speed, noise] = motion.map(f64::to_bits);
+    [
+        q,
+        speed,
+        noise,
+        state.temperature.to_bits(),
+        state.time.to_bits(),
+    ]
 }
 
 /// What a shape is known by; of none, one.
@@ -419,22 +446,39 @@ impl Residual {
     }
 
     /// The factors of all terms with all their shapes, each once: carriers share them.
-    fn factors<'n>(&self, all: &[Term], names: Names<'n>, range: &MotionRange) -> Factors<'n> {
-        let mut asked: BTreeMap<(&str, u64), f64> = BTreeMap::new();
+    fn factors<'n>(
+        &self,
+        all: &[Term],
+        names: Names<'n>,
+        range: &MotionRange,
+        KnownFactors(known): &KnownFactors,
+    ) -> Factors<'n> {
+        let motion: Vec<_> = self.states.iter().flatten().map(seen_by_factors).collect();
+        let mut known = known.borrow_mut();
+        if known.0 != motion {
+            *known = (motion, Values::new());
+        }
+        let mut asked: BTreeMap<(String, u64), f64> = BTreeMap::new();
         for term in all {
             for shape in shapes(term, range) {
                 for text in &term.factors {
-                    asked.insert((text, key(shape)), shape.unwrap_or(1.0));
+                    let key = (text.clone(), key(shape));
+                    if !known.1.contains_key(&key) {
+                        asked.insert(key, shape.unwrap_or(1.0));
+                    }
                 }
             }
         }
         let asked: Vec<_> = asked.into_iter().collect();
-        let of = |&((text, key), p): &((&str, u64), f64)| {
-            Some(((text.to_owned(), key), self.factor(text, names, p)?))
+        let of = |(key, p): &((String, u64), f64)| {
+            let values = self.factor(&key.0, names, *p)?;
+            Some((key.clone(), Arc::new(values)))
         };
+        let made = side_by_side(&asked, of);
+        known.1.extend(made.into_iter().flatten());
         Factors {
             names,
-            known: side_by_side(&asked, of).into_iter().flatten().collect(),
+            known: known.1.clone(),
         }
     }
 
@@ -448,16 +492,20 @@ impl Residual {
         let of = |text: &String| -> Option<Vec<f64>> {
             let made;
             let values = match factors.known.get(&(text.clone(), key(shape))) {
-                Some(values) => values,
+                Some(values) => &**values,
                 None => {
                     made = self.factor(text, factors.names, shape.unwrap_or(1.0))?;
                     &made
                 }
             };
-            let parts = self.window.iter().zip(carrier.chunks_exact(PARTS));
-            let column: Vec<f64> = parts
-                .map(|(w, carrier)| dot(&values[PARTS * w..][..PARTS], carrier))
-                .collect();
+            // Three products each time: a scalar product of any length takes as long as ten.
+            let (parts, _) = values.as_chunks::<PARTS>();
+            let (carrier, _) = carrier.as_chunks::<PARTS>();
+            let of = |(w, [a, b, c]): (&usize, &[f64; PARTS])| {
+                let [x, y, z] = parts[*w];
+                x * a + y * b + z * c
+            };
+            let column: Vec<f64> = self.window.iter().zip(carrier).map(of).collect();
             column.iter().all(|x| x.is_finite()).then_some(column)
         };
         term.factors.iter().map(of).collect()
@@ -673,5 +721,5 @@ fn seen(fit: &LimbFit) -> States {
         .filter(|place| !fit.places.contains(place))
         .collect();
     let columns = data.columns(&fit.values, &fit.places, &candidates);
-    data.motion.states(&data.body, &fit.values, &columns, 0.0)
+    data.motion.seen(&data.body, &fit.values, &columns)
 }

@@ -17,7 +17,9 @@ use crate::select::criteria::STRUCTURE;
 use crate::select::criteria::statistics::FALSE_ALARM;
 use crate::select::criteria::step::{is_held, is_worth_a_step};
 use crate::select::fitted::Fitted;
-use crate::select::formula_screen::{Gates, MOST_WINDOWS, Pick, ScreenRow, ScreenWindow, pick_of};
+use crate::select::formula_screen::{
+    Gates, KnownFactors, MOST_WINDOWS, Pick, ScreenRow, ScreenWindow, pick_of,
+};
 use crate::select::search::Found;
 use crate::select::source::Source;
 
@@ -39,8 +41,9 @@ pub(super) fn find_formulas(
     let joints: Vec<usize> = joints.collect();
     let gates = (FALSE_ALARM / joints.len().max(1) as f64, STRUCTURE);
     // What a model asks for at a joint, and the model with it.
-    let asked = |now: &WalkModel, joint: usize| -> Option<(Member, Pick, WalkModel)> {
-        let pick = pick(walks, now, joint, gates)?;
+    type Asked = (Member, Pick, WalkModel);
+    let asked = |now: &WalkModel, joint: usize, known: &KnownFactors| -> Option<Asked> {
+        let pick = pick((walks, known), now, joint, gates)?;
         let of = (Kind::Free, &BTreeMap::new());
         let effect = model.robot().formula(&pick.name, &pick.text, of, joint);
         let member = (0, (effect.ok()?, joint));
@@ -60,15 +63,15 @@ pub(super) fn find_formulas(
                 source.without(&model, &[*member])
             })
         };
-        let mut picked = None;
+        let (mut picked, known) = (None, KnownFactors::default());
         let instead = found.exchange_by((0, joint), without, |without| {
-            let (member, pick, after) = asked(without, joint)?;
+            let (member, pick, after) = asked(without, joint, &known)?;
             picked = Some(pick);
             Some((member, after))
         });
         all.extend(instead.zip(picked));
         for _ in 0..MOST_TERMS {
-            let Some((member, pick, after)) = asked(&found.end, joint) else {
+            let Some((member, pick, after)) = asked(&found.end, joint, &known) else {
                 break;
             };
             found.put(member, after, false);
@@ -82,7 +85,12 @@ pub(super) fn find_formulas(
 }
 
 /// The term that the equations of a joint ask for.
-fn pick(walks: &Walks, now: &WalkModel, joint: usize, gates: Gates) -> Option<Pick> {
+fn pick(
+    (walks, known): (&Walks, &KnownFactors),
+    now: &WalkModel,
+    joint: usize,
+    gates: Gates,
+) -> Option<Pick> {
     let (data, fit, robot) = (&now.data, &now.fit, &walks.robot);
     let used = usize::try_from(data.windows.used).unwrap_or(usize::MAX);
     let every = used.div_ceil(MOST_WINDOWS).max(1);
@@ -124,7 +132,8 @@ fn pick(walks: &Walks, now: &WalkModel, joint: usize, gates: Gates) -> Option<Pi
         joints: &joints,
         own: joint - first,
     };
-    pick_of(names, &range(walks, joint, 0.0), windows.into_iter(), gates)
+    let range = range(walks, joint, 0.0);
+    pick_of((names, known), &range, windows.into_iter(), gates)
 }
 
 /// What is said of those that stand, with these values.
