@@ -2,7 +2,8 @@
 //!
 //! A motor counts its rotor's turns from its power-up on, so a capture is a log only if it says which leg its bus is of and where the
 //! joints were as it began ([`Facts`]), or that its positions are angles, as a simulator's are. From where a motor is silent for
-//! 0.1 s or jumps, its zero is none, and what follows is left out.
+//! 0.1 s or jumps, its zero is none, and what follows is left out. Where an adapter hands over several cycles at once their times are not in the
+//! capture, and accelerations would be another motion's: it is refused ([`Stamps`]).
 //!
 //! Of several buses on one clock a row is a cycle of the first, and the others' signals lie on the line between the cycles before and after it:
 //! buses are polled on their own, and what was measured 2 ms before is another velocity.
@@ -19,7 +20,9 @@ use proprio_core::window::Settings;
 use super::input::Input;
 use super::table::take;
 use super::{Fault, Source, Wanted};
-use crate::capture::{CaptureError, CaptureReader, Facts, LATE_US, Told};
+use crate::capture::{
+    CaptureError, CaptureReader, Facts, LATE_US, SET_LATENCY_TIMER, Stamps, Told,
+};
 use crate::log::error::{LogError, Problem, Unit};
 use crate::log::warning::Warning;
 
@@ -92,6 +95,7 @@ struct Line<R> {
     told: Told,
     queue: Queue,
     listener: Listener,
+    stamps: Stamps,
     alignment: Alignment<f64, Go2, JOINTS_PER_LEG>,
     /// What is left of the record under way, and when its last byte came, µs.
     record: (Vec<u8>, usize, u64),
@@ -136,6 +140,7 @@ impl<R: Read> Line<R> {
             told,
             queue: Queue::of_adapter(LATE_US),
             listener: Listener::new(),
+            stamps: Stamps::new(capture.byte_ns()),
             alignment: Alignment::new(),
             record: (Vec::new(), 0, 0),
             cycles: 0,
@@ -157,6 +162,22 @@ impl<R: Read> Line<R> {
             if *from >= bytes.len() {
                 let record = self.capture.next_record();
                 let record = record.map_err(|error| Fault::new(self.cycles + 1, problem(error)))?;
+                let grouped = match &record {
+                    Some(record) => {
+                        self.stamps.push(record, |_| {});
+                        self.stamps.grouped_so_far()
+                    }
+                    None => self.stamps.grouped(),
+                };
+                if grouped.is_some() {
+                    return Err(Fault::new(
+                        self.cycles + 1,
+                        Problem::NotALog {
+                            what: "a bus capture with several polling cycles in one piece, and without their times",
+                            way: SET_LATENCY_TIMER,
+                        },
+                    ));
+                }
                 let Some(record) = record else {
                     return Ok(None);
                 };
@@ -466,6 +487,37 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// An adapter's timer that ends every 16 ms hands over eight cycles at once: a file is refused at its end, a bus within a second or so.
+    #[test]
+    fn cycles_without_times_of_their_own_are_no_rows() {
+        for cycles in [40, 5_000] {
+            let timed = capture(Leg::FL, cycles, 0, |_| false);
+            let mut reader = CaptureReader::new(timed.as_slice(), "FL".to_owned()).unwrap();
+            let facts = reader.facts().clone();
+            let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+            let mut waiting = Vec::new();
+            while let Some(record) = reader.next_record().unwrap() {
+                waiting.extend(record.bytes);
+                if waiting.len() >= 8 * 99 {
+                    writer.record(record.time_us, &waiting).unwrap();
+                    waiting.clear();
+                }
+            }
+            let mut live = follow(vec![writer.finish().unwrap()]);
+            let mut count = 0;
+            let error = loop {
+                match live.next_row() {
+                    Ok(row) => count += usize::from(row.expect("refused before").t() > 0.0),
+                    Err(error) => break error,
+                }
+            };
+            let is_refused =
+                matches!(*error.problem, Problem::NotALog { way, .. } if way == SET_LATENCY_TIMER);
+            assert!(is_refused, "{error}");
+            assert!(count < 600, "{count}");
         }
     }
 
