@@ -105,4 +105,7 @@ impl Motor {
     }
 }
 
-const _: () = assert!(Command::LEN != Reply::LEN, "lengths tell the two apart");
+const _: () = assert!(
+    Command::LEN != Reply::LEN,
+    "a frame's length says which it is"
+);

@@ -406,7 +406,7 @@ type Seal = fn(u64, u8, &[u8]) -> u16;
 type Damage = fn(u64, u8, &mut Vec<u8>);
 
 #[test]
-fn replies_of_another_checksum_are_told_from_damage() {
+fn another_checksum_is_no_damage_and_damage_no_other_checksum() {
     use proprio_core::bus::crc::checksum;
     let reseal = |bytes: &mut Vec<u8>, crc: u16| bytes[14..].copy_from_slice(&crc.to_le_bytes());
     // A seed of each frame's own, one that changes every fifth, a sum, and an exclusive or of all bytes.
