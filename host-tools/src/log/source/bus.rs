@@ -12,7 +12,7 @@ use std::io::Read;
 use std::path::Path;
 
 use proprio_core::app::Alignment;
-use proprio_core::bus::{Cycle, Listener, Queue, position_counts};
+use proprio_core::bus::{Command, Cycle, Listener, MOTORS, Queue, Reply, position_counts};
 use proprio_core::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg};
 use proprio_core::robot::{Robot, places};
 use proprio_core::window::Settings;
@@ -32,6 +32,8 @@ const PART: usize = 256;
 const SIGNALS: [&str; 4] = ["q", "dq", "tau", "temp"];
 /// Cells of a leg in a row.
 const CELLS: usize = SIGNALS.len() * JOINTS_PER_LEG;
+/// Ten cycles of a leg, bytes: who has so many and no cycle is not helped by a longer capture.
+const FEW_BYTES: u64 = 10 * (MOTORS * (Command::LEN + Reply::LEN)) as u64;
 /// Cycles of a bus further apart than this have no line between them, µs: as windows, which bridge no longer silence.
 const APART_US: u64 = Settings::DEFAULT.max_gap_us;
 
@@ -169,17 +171,22 @@ impl<R: Read> Line<R> {
                     }
                     None => self.stamps.grouped(),
                 };
+                let refused =
+                    |what, way| Fault::new(self.cycles + 1, Problem::NotALog { what, way });
                 if grouped.is_some() {
-                    return Err(Fault::new(
-                        self.cycles + 1,
-                        Problem::NotALog {
-                            what: "a bus capture with several polling cycles in one piece, and without their times",
-                            way: SET_LATENCY_TIMER,
-                        },
+                    return Err(refused(
+                        "a bus capture with several polling cycles in one piece, and without their times",
+                        SET_LATENCY_TIMER,
                     ));
                 }
                 let Some(record) = record else {
-                    return Ok(None);
+                    return match self.cycles {
+                        0 if self.read >= FEW_BYTES => Err(refused(
+                            "a bus capture in which no polling cycle is whole",
+                            "proprio capture --explain FILE says what is wrong with the bus",
+                        )),
+                        _ => Ok(None),
+                    };
                 };
                 self.read += record.bytes.len() as u64;
                 self.record = (record.bytes, 0, record.time_us);
@@ -373,7 +380,7 @@ impl<R: Read> Source for Buses<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::CaptureWriter;
+    use crate::capture::{CaptureWriter, Record};
     use crate::device::power_up::PowerUp;
     use crate::device::replay::bus_step;
     use crate::device::serial::BUS_BAUD;
@@ -519,6 +526,26 @@ mod tests {
             assert!(is_refused, "{error}");
             assert!(count < 600, "{count}");
         }
+    }
+
+    /// Replies whose last byte is another: not one cycle, and no longer capture helps.
+    #[test]
+    fn a_bus_without_a_whole_cycle_is_said_to_be_none() {
+        let timed = capture(Leg::FL, 500, 0, |_| false);
+        let mut reader = CaptureReader::new(timed.as_slice(), "FL".to_owned()).unwrap();
+        let facts = reader.facts().clone();
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+        while let Some(Record { time_us, mut bytes }) = reader.next_record().unwrap() {
+            for pair in bytes.chunks_mut(Command::LEN + Reply::LEN) {
+                *pair.last_mut().unwrap() = 0x55;
+            }
+            writer.record(time_us, &bytes).unwrap();
+        }
+        let mut live = follow(vec![writer.finish().unwrap()]);
+        let error = live.next_row().map(|row| row.is_some()).unwrap_err();
+        let is_refused =
+            matches!(*error.problem, Problem::NotALog { way, .. } if way.contains("--explain"));
+        assert!(is_refused, "{error}");
     }
 
     /// No line is drawn across a silence of another bus, and the rows that lack are counted.
