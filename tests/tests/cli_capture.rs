@@ -11,7 +11,7 @@ use proprio_host::device::Robot;
 use proprio_host::device::power_up::PowerUp;
 use proprio_host::device::serial::BUS_BAUD;
 use proprio_simulator::hidden::typical;
-use proprio_tests::command::{done, folder, json, parameter, proprio, stderr};
+use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout};
 
 /// A capture of a leg that is polled 500 times a second, motor 2 first.
 fn capture() -> Vec<u8> {
@@ -133,6 +133,51 @@ fn a_simulated_bus_is_captured_in_real_time() {
                 .all(|joint| joint.as_str().unwrap().starts_with(leg))
         );
     }
+}
+
+/// Pieces of eight cycles, as a latency timer of 16 ms makes them of 500 Hz: there is no rate, and no log.
+#[test]
+fn a_capture_of_an_adapter_that_waits_says_what_to_set() {
+    let folder = folder();
+    let leg = Leg::FR;
+    let facts = Facts {
+        leg: Some(leg),
+        told: Told::Angles,
+    };
+    let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+    let robot = Robot::new(&[leg], typical(&[leg]), 5);
+    let steps: Vec<_> = robot.steps().take(400).map(Result::unwrap).collect();
+    for piece in steps.chunks(8) {
+        let bytes = piece
+            .iter()
+            .flat_map(|step| step.buses[leg.index()].to_vec());
+        let bytes: Vec<u8> = bytes.collect();
+        writer
+            .record(piece[piece.len() - 1].time_us, &bytes)
+            .unwrap();
+    }
+    fs::write(folder.path().join("FR.cap"), writer.finish().unwrap()).unwrap();
+    let explain = ["capture", "--explain", "FR.cap"];
+    let said = json(&done(folder.path(), &[&explain[..], &["--json"]].concat()));
+    assert_eq!(
+        said["grouped"],
+        serde_json::json!({"cycles": 8.0, "every_ms": 16})
+    );
+    assert!(said["period_us"].is_null(), "{said}");
+    let output = proprio(folder.path(), &explain);
+    assert!(
+        stderr(&output).contains("latency_timer"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(stdout(&output).contains("Order, rate and turn-around are unknown"));
+    let output = proprio(folder.path(), &["identify", "FR.cap"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("latency_timer"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 /// A capture is a log: of which leg and from where its motors count is in it, and what is missing is said.

@@ -3,13 +3,16 @@
 use std::io::Read;
 
 use proprio_core::bus::{
-    AssemblyCounters, Decoder, DecoderCounters, Frame, Listener, MOTORS, Queue, Reply,
+    AssemblyCounters, Command, Decoder, DecoderCounters, Frame, Listener, MOTORS, Queue, Reply,
 };
 use proprio_core::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, position_limits};
 use proprio_core::robot::Robot;
 use serde::Serialize;
 
-use super::{CaptureError, CaptureReader, Facts, LATE_US, Told};
+use super::checksums::Checksums;
+use super::{
+    CaptureError, CaptureReader, Facts, Grouped, LATE_US, SET_LATENCY_TIMER, Stamps, Told,
+};
 use crate::device::names::words_of_top_temperature;
 
 /// Bytes given to the listener at once: what its queue always has room for.
@@ -54,6 +57,12 @@ pub struct Explanation {
     pub command_seed: Option<u16>,
     /// The motors that answer, by ascending id.
     pub motors: Vec<MotorExplanation>,
+    /// Records of several polling cycles: order, period, offsets, turn-arounds and samples are none then, for nothing says when frames came.
+    pub grouped: Option<Grouped>,
+    /// Whole commands, if another checksum than this bus's is all that fails.
+    pub other_checksum_commands: Option<u32>,
+    /// Motors whose replies are whole, if another checksum is all that fails.
+    pub other_checksum_motors: Vec<OtherChecksum>,
     /// Ids in the order of polling; empty where it was not learnt.
     pub order: Vec<u8>,
     /// Time from one polling cycle to the next, µs; none where it was not learnt.
@@ -72,6 +81,17 @@ pub struct Explanation {
     pub used: f64,
     /// What is wrong, in words.
     pub warnings: Vec<String>,
+}
+
+/// A motor whose replies are whole and fail by their checksum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct OtherChecksum {
+    /// Its id.
+    pub id: u8,
+    /// Whole replies to commands of its id.
+    pub replies: u32,
+    /// Those of them whose checksum is good, as by chance.
+    pub good: u32,
 }
 
 /// What a capture says of one motor.
@@ -201,11 +221,11 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
     let (mut queue, mut listener) = (Queue::of_adapter(LATE_US), <Listener>::new());
     let (mut records, mut bytes, mut cycles) = (0, 0, 0);
     let (mut swapped_headers, mut before) = (0, 0);
-    let mut span: Option<[u64; 2]> = None;
+    let (mut stamps, mut checksums) = (Stamps::new(byte_ns), Checksums::default());
     while let Some(record) = capture.next_record()? {
         records += 1;
         bytes += record.bytes.len() as u64;
-        span.get_or_insert([record.time_us; 2])[1] = record.time_us;
+        stamps.push(&record, |frame| checksums.push(frame));
         for &byte in &record.bytes {
             swapped_headers += u64::from(SWAPPED.contains(&[before, byte]));
             before = byte;
@@ -222,9 +242,11 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
             }
         }
     }
-    let seconds = span.map_or(0.0, |[first, last]| {
-        last.saturating_sub(first) as f64 * 1e-6
-    });
+    let seconds = stamps.seconds();
+    let grouped = stamps.grouped();
+    if grouped.is_some() {
+        cycles = 0;
+    }
     let busy_s = bytes as f64 * f64::from(byte_ns) * 1e-9;
     let DecoderCounters {
         commands,
@@ -241,6 +263,15 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         ..
     } = listener.cycles();
     let schedule = listener.schedule();
+    let is_timed = grouped.is_none() && schedule.learnt;
+    let good = |id: usize| frames.motors[id].replies;
+    let others = checksums.of_replies(good).into_iter();
+    let others = others.map(|id| OtherChecksum {
+        id,
+        replies: checksums.answered(id),
+        good: good(usize::from(id)),
+    });
+    let other_checksum_motors = others.collect();
     let mut explanation = Explanation {
         seconds,
         bytes,
@@ -254,12 +285,15 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         skipped_bytes,
         swapped_headers,
         command_seed: listener.decoder().command_seed(),
-        motors: motors(&mut frames, &listener, capture.facts()),
-        order: match schedule.learnt {
+        motors: motors(&mut frames, &listener, grouped.is_none(), capture.facts()),
+        grouped,
+        other_checksum_commands: checksums.of_commands(commands, bytes),
+        other_checksum_motors,
+        order: match is_timed {
             true => schedule.order().map(|motor| schedule.ids[motor]).to_vec(),
             false => Vec::new(),
         },
-        period_us: schedule.learnt.then_some(schedule.period_us),
+        period_us: is_timed.then_some(schedule.period_us),
         cycles,
         incomplete_cycles: incomplete,
         motor_faults,
@@ -310,12 +344,17 @@ fn limits(joint: usize, leg: Option<Leg>) -> [f64; 2] {
         .unwrap_or_default()
 }
 
-fn motors(frames: &mut Frames, listener: &Listener, facts: &Facts) -> Vec<MotorExplanation> {
+fn motors(
+    frames: &mut Frames,
+    listener: &Listener,
+    is_timed: bool,
+    facts: &Facts,
+) -> Vec<MotorExplanation> {
     let schedule = listener.schedule();
     let offset = |id: u8| {
         let place = schedule.ids.iter().position(|known| *known == id);
         place
-            .filter(|_| schedule.learnt)
+            .filter(|_| is_timed && schedule.learnt)
             .map(|motor| schedule.offsets_us[motor])
     };
     let decoder = &frames.decoder;
@@ -329,7 +368,7 @@ fn motors(frames: &mut Frames, listener: &Listener, facts: &Facts) -> Vec<MotorE
         replies: motor.replies,
         seed: decoder.reply_seed(id as u8),
         offset_us: offset(id as u8),
-        turnaround: motor.turnaround(),
+        turnaround: motor.turnaround().filter(|_| is_timed),
         errors: motor.errors,
         temperature: motor.temperature.unwrap_or_default(),
         joint: joint_of(id).map(|joint| JOINTS[joint]),
@@ -343,6 +382,8 @@ impl Explanation {
     fn warn(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let frames = self.commands + self.replies;
+        let others = &self.other_checksum_motors;
+        let has_others = !others.is_empty() || self.other_checksum_commands.is_some();
         if self.bytes == 0 {
             warnings.push(
                 "nothing was captured: check the wiring, and that the robot is on".to_owned(),
@@ -352,24 +393,53 @@ impl Explanation {
                 "A and B are swapped: {} headers of frames are inverted, and no frame has a good checksum",
                 self.swapped_headers
             ));
-        } else if frames == 0 {
+        } else if frames == 0 && !has_others {
             warnings.push(format!(
                 "no frame has a good checksum: check the baud rate ({}); with A and B swapped there would be inverted headers",
                 self.baud
             ));
-        } else if self.replies == 0 {
+        } else if self.replies == 0 && others.is_empty() {
             warnings.push(
                 "there are commands and no reply: no motor answers, or only the master is received"
                     .to_owned(),
             );
         }
-        if frames > 0 && self.skipped_bytes as f64 > 0.01 * self.bytes as f64 {
-            let share = 100.0 * f64::from(self.skipped_bytes) / self.bytes as f64;
+        if let Some(whole) = self.other_checksum_commands {
+            warnings.push(format!(
+                "commands carry another checksum: {whole} are whole, and {} have a good one",
+                self.commands
+            ));
+        }
+        if !others.is_empty() {
+            let ids: Vec<String> = others.iter().map(|other| other.id.to_string()).collect();
+            let whole: u32 = others.iter().map(|other| other.replies).sum();
+            let good: u32 = others.iter().map(|other| other.good).sum();
+            warnings.push(format!(
+                "replies carry another checksum: {whole} of motors {} are whole and of the ids that were asked, and {good} have a good one: another firmware, no fault of the wiring",
+                ids.join(", ")
+            ));
+        }
+        if let Some(Grouped { cycles, every_ms }) = self.grouped {
+            let every = every_ms.map_or(String::new(), |ms| format!(" every {ms} ms"));
+            warnings.push(format!(
+                "the bytes come in pieces of {cycles:.0} polling cycles{every}, and when a frame came is unknown: {SET_LATENCY_TIMER}"
+            ));
+        }
+        // Whole frames of another checksum are no damage.
+        let whole_replies = others.iter().map(|other| other.replies - other.good);
+        let whole_commands = self
+            .other_checksum_commands
+            .map_or(0, |whole| whole.saturating_sub(self.commands));
+        let other_bytes =
+            whole_replies.sum::<u32>() * Reply::LEN as u32 + whole_commands * Command::LEN as u32;
+        let damaged = self.skipped_bytes.saturating_sub(other_bytes);
+        if (frames > 0 || has_others) && f64::from(damaged) > 0.01 * self.bytes as f64 {
+            let share = 100.0 * f64::from(damaged) / self.bytes as f64;
             warnings.push(format!(
                 "{share:.1} % of the bytes are in no good frame: check ground and termination"
             ));
         }
-        if self.replies > 0 && self.motors.len() != MOTORS {
+        if self.replies > 0 && others.is_empty() && self.motors.len() != MOTORS {
             warnings.push(format!(
                 "{} ids answer where a leg has {MOTORS} motors",
                 self.motors.len()
@@ -390,7 +460,7 @@ impl Explanation {
                 ));
             }
         }
-        if self.replies > 0 && self.used < 0.9 {
+        if self.replies > 0 && others.is_empty() && self.grouped.is_none() && self.used < 0.9 {
             warnings.push(format!(
                 "only {:.1} % of the replies are in a sample",
                 100.0 * self.used

@@ -11,14 +11,22 @@
 //!
 //! - `facts`: what is known of a bus that is not on it: which leg, where its joints were
 //! - `explain`: what a capture says of the bus: by the device's own listener, and what only a desktop has room for
+//! - `shapes`: frames by header and length, whatever their checksum
+//! - `stamps`: whether the records' times are those of their frames
+//! - `checksums`: senders whose frames are whole and fail only by their checksum
 
+mod checksums;
 mod explain;
 mod facts;
+mod shapes;
+mod stamps;
 #[cfg(test)]
 mod tests;
 
 pub use explain::{Explanation, MotorExplanation, Turnaround, explain};
 pub use facts::{Facts, Told};
+pub use stamps::Grouped;
+pub(crate) use stamps::{SET_LATENCY_TIMER, Stamps};
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::Path;

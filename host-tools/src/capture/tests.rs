@@ -38,6 +38,7 @@ fn capture(cycles: u64, change: impl Fn(u64, u8, &mut Vec<u8>)) -> Vec<u8> {
             let mut bytes = reply.encode(seed).to_vec();
             change(n, id, &mut bytes);
             time_us += turnaround_us + 40;
+            // Of no bytes there is no record.
             writer.record(time_us, &bytes).unwrap();
         }
     }
@@ -287,4 +288,239 @@ fn what_a_port_brings_is_recorded() {
         heard.extend(record.bytes);
     }
     assert_eq!(heard, sent);
+}
+
+/// A capture as an adapter hands it over whose timer ends each `timer_us`, or whose buffer holds `full` bytes.
+fn handed_over(capture: &[u8], timer_us: u64, full: usize) -> Vec<u8> {
+    let mut reader = CaptureReader::new(capture, "test".to_owned()).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
+    let (mut waiting, mut ends_us) = (Vec::new(), timer_us);
+    while let Some(record) = reader.next_record().unwrap() {
+        while record.time_us > ends_us {
+            if !waiting.is_empty() {
+                writer.record(ends_us, &waiting).unwrap();
+                waiting.clear();
+            }
+            ends_us += timer_us;
+        }
+        waiting.extend(record.bytes);
+        while waiting.len() >= full {
+            let early: Vec<u8> = waiting.drain(..full).collect();
+            writer.record(record.time_us, &early).unwrap();
+            ends_us = record.time_us + timer_us;
+        }
+    }
+    writer.record(ends_us, &waiting).unwrap();
+    writer.finish().unwrap()
+}
+
+#[test]
+fn an_adapter_that_waits_gives_no_rate_and_its_timer_is_named() {
+    let whole = capture(1000, |_, _, _| {});
+    for timer_ms in [5, 8, 16, 40, 100, 255] {
+        for full in [usize::MAX, 4096, 510, 62 * 10] {
+            let said = explained(&handed_over(&whole, 1000 * timer_ms, full));
+            let grouped = said.grouped.unwrap_or_else(|| panic!("{timer_ms} {full}"));
+            if full == usize::MAX {
+                assert_eq!(grouped.every_ms, Some(timer_ms as u32));
+                // The first and the last piece are shorter.
+                let share = grouped.cycles / (timer_ms as f64 / 2.0);
+                assert!((0.9..1.1).contains(&share), "{timer_ms} ms: {share}");
+            }
+            assert_eq!((said.period_us, said.cycles, said.used), (None, 0, 0.0));
+            assert!(said.order.is_empty());
+            for motor in &said.motors {
+                assert_eq!((motor.turnaround, motor.offset_us), (None, None));
+            }
+            // That is all that is wrong.
+            let [warning] = said.warnings.as_slice() else {
+                panic!("{timer_ms} {full}: {:?}", said.warnings);
+            };
+            assert!(warning.contains("latency_timer"), "{warning}");
+        }
+    }
+}
+
+#[test]
+fn pieces_that_have_the_times_of_their_frames_are_not_taken_for_an_adapters() {
+    let whole = capture(1000, |_, _, _| {});
+    let timed = |bytes: &[u8], period_us: std::ops::RangeInclusive<u32>, what: &str| {
+        let said = explained(bytes);
+        assert_eq!(said.grouped, None, "{what}");
+        assert!(
+            said.period_us
+                .is_some_and(|period| period_us.contains(&period)),
+            "{what}"
+        );
+        let has_timer = |warning: &String| warning.contains("latency_timer");
+        assert!(!said.warnings.iter().any(has_timer), "{what}");
+    };
+    // Each frame on its own, a timer of 1 ms, and packets of 62 bytes.
+    timed(&whole, 1999..=2001, "frames");
+    timed(&handed_over(&whole, 1000, usize::MAX), 1990..=2010, "1 ms");
+    timed(&handed_over(&whole, 1000, 62), 1950..=2050, "62 bytes");
+    // A reader that waited once for 0.3 s.
+    let (mut stalled, mut waiting) = (
+        CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap(),
+        Vec::new(),
+    );
+    let mut reader = CaptureReader::new(whole.as_slice(), "test".to_owned()).unwrap();
+    while let Some(record) = reader.next_record().unwrap() {
+        waiting.extend(record.bytes);
+        if !(600_000..900_000).contains(&record.time_us) {
+            for part in waiting.chunks(4096) {
+                stalled.record(record.time_us, part).unwrap();
+            }
+            waiting.clear();
+        }
+    }
+    timed(&stalled.finish().unwrap(), 1990..=2010, "stalled");
+    // A bus without pauses that is read 4096 bytes at a time: the rate of the line says when each byte came.
+    let mut reader = CaptureReader::new(whole.as_slice(), "test".to_owned()).unwrap();
+    let mut bytes = Vec::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        bytes.extend(record.bytes);
+    }
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
+    let mut sent = 0;
+    for part in bytes.chunks(4096) {
+        sent += part.len() as u64;
+        writer.record(1_000 + sent * 5 / 2, part).unwrap();
+    }
+    timed(&writer.finish().unwrap(), 246..=249, "without pauses");
+}
+
+/// Numbers that follow no rule.
+fn any(n: u64, id: u8, k: u64) -> u64 {
+    let mut x = n.wrapping_mul(64).wrapping_add(u64::from(id) * 16 + k + 1);
+    // SplitMix64 (Steele, Lea & Flood 2014).
+    x = x.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    x = (x ^ x >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    x = (x ^ x >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ x >> 31
+}
+
+/// What seals a body, of a cycle and an id.
+type Seal = fn(u64, u8, &[u8]) -> u16;
+/// What becomes of a reply, of a cycle and an id.
+type Damage = fn(u64, u8, &mut Vec<u8>);
+
+#[test]
+fn another_checksum_is_no_damage_and_damage_no_other_checksum() {
+    use proprio_core::bus::crc::checksum;
+    let reseal = |bytes: &mut Vec<u8>, crc: u16| bytes[14..].copy_from_slice(&crc.to_le_bytes());
+    // A seed of each frame's own, one that changes every fifth, a sum, and an exclusive or of all bytes.
+    let kinds: [Seal; 4] = [
+        |n, id, body| checksum(any(n, id, 0) as u16, body),
+        |n, id, body| checksum(any(n / 5, id, 0) as u16, body),
+        |n, _, body| {
+            let sum = body.iter().map(|byte| u16::from(*byte));
+            sum.sum::<u16>().wrapping_mul(251) ^ (n as u16) << 7
+        },
+        |_, id, body| checksum(checksum(0x1234, body), &[&body[3..], &[id]].concat()),
+    ];
+    for (kind, seal) in kinds.into_iter().enumerate() {
+        for ids in [&[1, 2, 3][..], &[3][..]] {
+            let said = explained(&capture(1000, |n, id, bytes| {
+                if ids.contains(&id) {
+                    let crc = seal(n, id, &bytes[..14]);
+                    reseal(bytes, crc);
+                }
+            }));
+            let found: Vec<u8> = said
+                .other_checksum_motors
+                .iter()
+                .map(|other| other.id)
+                .collect();
+            assert_eq!(found, ids, "{kind}");
+            assert_eq!(said.other_checksum_commands, None);
+            let [warning] = said.warnings.as_slice() else {
+                panic!("{kind} {ids:?}: {:?}", said.warnings);
+            };
+            assert!(
+                warning.contains("replies carry another checksum"),
+                "{warning}"
+            );
+        }
+    }
+    // Damage: of one bit in a share of the replies or in all, of all bits, of a frame's end, of a frame's length; and a robot at rest.
+    let damages: [(&str, Damage); 11] = [
+        ("none", |_, _, _| {}),
+        ("1 %", |n, id, bytes| flip(n, id, bytes, 1)),
+        ("20 %", |n, id, bytes| flip(n, id, bytes, 20)),
+        ("60 %", |n, id, bytes| flip(n, id, bytes, 60)),
+        ("100 %", |n, id, bytes| flip(n, id, bytes, 100)),
+        ("noise", |n, id, bytes| {
+            for (k, byte) in bytes.iter_mut().enumerate() {
+                let hit = any(n, id, k as u64);
+                *byte ^= if hit.is_multiple_of(4) {
+                    1 << (hit >> 8 & 7)
+                } else {
+                    0
+                };
+            }
+        }),
+        ("last byte high", |_, _, bytes| bytes[15] = 0xFF),
+        ("last byte any", |n, id, bytes| {
+            bytes[15] = any(n, id, 0) as u8
+        }),
+        ("last bytes low", |_, _, bytes| bytes[14..].fill(0)),
+        ("last byte lost", |_, _, bytes| bytes.truncate(15)),
+        ("silent", |_, id, bytes| {
+            if id != 1 {
+                bytes.clear();
+            }
+        }),
+    ];
+    for (what, damage) in damages {
+        let said = explained(&capture(1000, damage));
+        assert!(said.other_checksum_motors.is_empty(), "{what}");
+        assert_eq!(said.other_checksum_commands, None, "{what}");
+        let warned = said
+            .warnings
+            .iter()
+            .any(|warning| warning.contains("check ground and termination"));
+        assert_eq!(
+            warned,
+            !["none", "1 %", "silent"].contains(&what),
+            "{what}: {:?}",
+            said.warnings
+        );
+    }
+}
+
+/// Changes a bit of so many replies in a hundred.
+fn flip(n: u64, id: u8, bytes: &mut [u8], percent: u64) {
+    if any(n, id, 0) % 100 < percent {
+        let bit = (any(n, id, 1) % 128) as usize;
+        bytes[bit / 8] ^= 1 << (bit % 8);
+    }
+}
+
+#[test]
+fn commands_of_another_checksum_are_no_wrong_baud_rate() {
+    let whole = capture(1000, |_, _, _| {});
+    let mut reader = CaptureReader::new(whole.as_slice(), "test".to_owned()).unwrap();
+    let mut writer = CaptureWriter::new(Vec::new(), BUS_BAUD).unwrap();
+    let mut n = 0;
+    while let Some(mut record) = reader.next_record().unwrap() {
+        n += 1;
+        let end = record.bytes.len() - 2;
+        record.bytes[end..].copy_from_slice(&(any(n, 0, 0) as u16).to_le_bytes());
+        writer.record(record.time_us, &record.bytes).unwrap();
+    }
+    let said = explained(&writer.finish().unwrap());
+    assert_eq!(said.other_checksum_commands, Some(3000));
+    assert_eq!(said.other_checksum_motors.len(), 3);
+    let [commands, replies] = said.warnings.as_slice() else {
+        panic!("{:?}", said.warnings);
+    };
+    assert!(
+        commands.contains("commands carry another checksum"),
+        "{commands}"
+    );
+    assert!(
+        replies.contains("replies carry another checksum"),
+        "{replies}"
+    );
 }

@@ -313,6 +313,10 @@ impl fmt::Display for Words<'_> {
                     order.join(", ")
                 )?;
             }
+            None if said.grouped.is_some() => writeln!(
+                f,
+                "Order, rate and turn-around are unknown: the times are the adapter's, not the frames'"
+            )?,
             None => writeln!(f, "Too few cycles to determine order and rate of polling")?,
         }
         writeln!(

@@ -2,7 +2,8 @@
 //!
 //! A motor counts its rotor's turns from its power-up on, so a capture is a log only if it says which leg its bus is of and where the
 //! joints were as it began ([`Facts`]), or that its positions are angles, as a simulator's are. From where a motor is silent for
-//! 0.1 s or jumps, its zero is none, and what follows is left out.
+//! 0.1 s or jumps, its zero is none, and what follows is left out. Where an adapter hands over several cycles at once their times are not in the
+//! capture, and accelerations would be another motion's: it is refused ([`Stamps`]).
 //!
 //! Of several buses on one clock a row is a cycle of the first, and the others' signals lie on the line between the cycles before and after it:
 //! buses are polled on their own, and what was measured 2 ms before is another velocity.
@@ -11,7 +12,7 @@ use std::io::Read;
 use std::path::Path;
 
 use proprio_core::app::Alignment;
-use proprio_core::bus::{Cycle, Listener, Queue, position_counts};
+use proprio_core::bus::{Command, Cycle, Listener, MOTORS, Queue, Reply, position_counts};
 use proprio_core::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg};
 use proprio_core::robot::{Robot, places};
 use proprio_core::window::Settings;
@@ -19,7 +20,9 @@ use proprio_core::window::Settings;
 use super::input::Input;
 use super::table::take;
 use super::{Fault, Source, Wanted};
-use crate::capture::{CaptureError, CaptureReader, Facts, LATE_US, Told};
+use crate::capture::{
+    CaptureError, CaptureReader, Facts, LATE_US, SET_LATENCY_TIMER, Stamps, Told,
+};
 use crate::log::error::{LogError, Problem, Unit};
 use crate::log::warning::Warning;
 
@@ -29,6 +32,8 @@ const PART: usize = 256;
 const SIGNALS: [&str; 4] = ["q", "dq", "tau", "temp"];
 /// Cells of a leg in a row.
 const CELLS: usize = SIGNALS.len() * JOINTS_PER_LEG;
+/// Ten cycles of a leg, bytes: who has so many and no cycle is not helped by a longer capture.
+const FEW_BYTES: u64 = 10 * (MOTORS * (Command::LEN + Reply::LEN)) as u64;
 /// Cycles of a bus further apart than this have no line between them, µs: as windows, which bridge no longer silence.
 const APART_US: u64 = Settings::DEFAULT.max_gap_us;
 
@@ -92,6 +97,7 @@ struct Line<R> {
     told: Told,
     queue: Queue,
     listener: Listener,
+    stamps: Stamps,
     alignment: Alignment<f64, Go2, JOINTS_PER_LEG>,
     /// What is left of the record under way, and when its last byte came, µs.
     record: (Vec<u8>, usize, u64),
@@ -136,6 +142,7 @@ impl<R: Read> Line<R> {
             told,
             queue: Queue::of_adapter(LATE_US),
             listener: Listener::new(),
+            stamps: Stamps::new(capture.byte_ns()),
             alignment: Alignment::new(),
             record: (Vec::new(), 0, 0),
             cycles: 0,
@@ -157,8 +164,29 @@ impl<R: Read> Line<R> {
             if *from >= bytes.len() {
                 let record = self.capture.next_record();
                 let record = record.map_err(|error| Fault::new(self.cycles + 1, problem(error)))?;
+                let grouped = match &record {
+                    Some(record) => {
+                        self.stamps.push(record, |_| {});
+                        self.stamps.grouped_so_far()
+                    }
+                    None => self.stamps.grouped(),
+                };
+                let refused =
+                    |what, way| Fault::new(self.cycles + 1, Problem::NotALog { what, way });
+                if grouped.is_some() {
+                    return Err(refused(
+                        "a bus capture with several polling cycles in one piece, and without their times",
+                        SET_LATENCY_TIMER,
+                    ));
+                }
                 let Some(record) = record else {
-                    return Ok(None);
+                    return match self.cycles {
+                        0 if self.read >= FEW_BYTES => Err(refused(
+                            "a bus capture in which no polling cycle is whole",
+                            "proprio capture --explain FILE says what is wrong with the bus",
+                        )),
+                        _ => Ok(None),
+                    };
                 };
                 self.read += record.bytes.len() as u64;
                 self.record = (record.bytes, 0, record.time_us);
@@ -352,7 +380,7 @@ impl<R: Read> Source for Buses<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::CaptureWriter;
+    use crate::capture::{CaptureWriter, Record};
     use crate::device::power_up::PowerUp;
     use crate::device::replay::bus_step;
     use crate::device::serial::BUS_BAUD;
@@ -467,6 +495,57 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// An adapter's timer that ends every 16 ms hands over eight cycles at once: a file is refused at its end, a bus within a second or so.
+    #[test]
+    fn cycles_without_times_of_their_own_are_no_rows() {
+        for cycles in [40, 5_000] {
+            let timed = capture(Leg::FL, cycles, 0, |_| false);
+            let mut reader = CaptureReader::new(timed.as_slice(), "FL".to_owned()).unwrap();
+            let facts = reader.facts().clone();
+            let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+            let mut waiting = Vec::new();
+            while let Some(record) = reader.next_record().unwrap() {
+                waiting.extend(record.bytes);
+                if waiting.len() >= 8 * 99 {
+                    writer.record(record.time_us, &waiting).unwrap();
+                    waiting.clear();
+                }
+            }
+            let mut live = follow(vec![writer.finish().unwrap()]);
+            let mut count = 0;
+            let error = loop {
+                match live.next_row() {
+                    Ok(row) => count += usize::from(row.expect("refused before").t() > 0.0),
+                    Err(error) => break error,
+                }
+            };
+            let is_refused =
+                matches!(*error.problem, Problem::NotALog { way, .. } if way == SET_LATENCY_TIMER);
+            assert!(is_refused, "{error}");
+            assert!(count < 600, "{count}");
+        }
+    }
+
+    /// Replies whose last byte is another: not one cycle, and no longer capture helps.
+    #[test]
+    fn a_bus_without_a_whole_cycle_is_said_to_be_none() {
+        let timed = capture(Leg::FL, 500, 0, |_| false);
+        let mut reader = CaptureReader::new(timed.as_slice(), "FL".to_owned()).unwrap();
+        let facts = reader.facts().clone();
+        let mut writer = CaptureWriter::of(Vec::new(), BUS_BAUD, &facts).unwrap();
+        while let Some(Record { time_us, mut bytes }) = reader.next_record().unwrap() {
+            for pair in bytes.chunks_mut(Command::LEN + Reply::LEN) {
+                *pair.last_mut().unwrap() = 0x55;
+            }
+            writer.record(time_us, &bytes).unwrap();
+        }
+        let mut live = follow(vec![writer.finish().unwrap()]);
+        let error = live.next_row().map(|row| row.is_some()).unwrap_err();
+        let is_refused =
+            matches!(*error.problem, Problem::NotALog { way, .. } if way.contains("--explain"));
+        assert!(is_refused, "{error}");
     }
 
     /// No line is drawn across a silence of another bus, and the rows that lack are counted.
