@@ -23,7 +23,7 @@ mod stamps;
 #[cfg(test)]
 mod tests;
 
-pub use explain::{Explanation, MotorExplanation, Turnaround, explain};
+pub use explain::{Explanation, MotorExplanation, OtherChecksum, Turnaround, explain};
 pub use facts::{Facts, Told};
 pub use stamps::Grouped;
 pub(crate) use stamps::{SET_LATENCY_TIMER, Stamps};
