@@ -83,7 +83,10 @@ impl Frf {
     }
 
     fn text(&self, found: &Responses) -> String {
-        let summary = found.summary(self.model.as_deref(), self.apply);
+        // Without a model there is nothing to apply: what can be written is written.
+        let is_written = self.html.is_some() || self.output.is_some();
+        let done = self.apply || (self.model.is_none() && found.joints.len() == 1 && is_written);
+        let summary = found.summary(self.model.as_deref(), done);
         let model = self.model.as_ref().filter(|_| self.apply);
         let written = model.into_iter().chain(&self.output);
         let wrote: Vec<String> = written

@@ -22,8 +22,8 @@ fn with_std(of: Estimated) -> String {
 }
 
 impl Frf {
-    /// What matters most.
-    pub fn summary(&self, model: Option<&Path>, applied: bool) -> Summary {
+    /// What matters most; `done`: the model file has the values, or the files of responses and page are written.
+    pub fn summary(&self, model: Option<&Path>, done: bool) -> Summary {
         let error = self.error();
         let headline = match (error.before, error.after) {
             (Some(before), Some(after)) => {
@@ -66,28 +66,30 @@ impl Frf {
         points.extend(self.links.iter().map(link_in_words));
         points.truncate(3);
         let logs = typed(&self.logs, model);
-        let next = if applied {
-            format!("proprio compare {logs}")
+        let next = if done {
+            model.map(|_| format!("proprio compare {logs}"))
         } else if model.is_some() && self.error().after.is_some() {
             let few = self
                 .few
                 .map_or_else(String::new, |n| format!(" --experiments {n}"));
-            format!("proprio frf {logs}{few} --apply")
+            Some(format!("proprio frf {logs}{few} --apply"))
         } else if model.is_none() && self.joints.len() > 1 {
             // Springs of several joints need the links' masses.
-            format!("proprio frf {logs} -m MODEL")
+            Some(format!("proprio frf {logs} -m MODEL"))
         } else {
             let stem = self
                 .logs
                 .first()
                 .map_or_else(|| "frf".into(), |log| super::result::file_name(log));
             let stem = stem.split('.').next().unwrap_or("frf").to_owned();
-            format!("proprio frf {logs} --html {stem}.html -o {stem}_frf.csv")
+            Some(format!(
+                "proprio frf {logs} --html {stem}.html -o {stem}_frf.csv"
+            ))
         };
         Summary {
             headline,
             points,
-            next: vec![next],
+            next: next.into_iter().collect(),
             ..Summary::default()
         }
     }
