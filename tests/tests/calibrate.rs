@@ -258,7 +258,7 @@ fn bad_poses_are_refused_in_words_of_their_own() {
         .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
         .collect();
     type Change = fn(usize, &mut Vec<f64>);
-    let cases: [(&str, Change, &[&str]); 11] = [
+    let cases: [(&str, Change, &[&str]); 12] = [
         (
             "mm",
             |_, row| row[6..].iter_mut().for_each(|x| *x *= 1e3),
@@ -273,6 +273,14 @@ fn bad_poses_are_refused_in_words_of_their_own() {
             "order",
             |_, row| row.swap(3, 5),
             &["A6 holds A4", "A4 holds A6"],
+        ),
+        (
+            "exchanged coordinates of places",
+            |_, row| row.swap(6, 7),
+            &[
+                "are in a left-handed frame",
+                "two of x/, y/ and z/ are exchanged",
+            ],
         ),
         (
             "moved",

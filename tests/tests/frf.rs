@@ -1,6 +1,7 @@
 //! Frequency responses, by the command that a user types: springs of a bench and of simulated arms, what is predicted of encoders that no fit has
 //! seen, and logs that are refused.
 
+use std::f64::consts::PI;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -418,6 +419,27 @@ fn a_plan_is_written_played_and_judged() {
             assert!(wrong.abs() < share, "{name} {:+.2} %", 100.0 * wrong);
         }
     }
+    // In degrees both agree with each other, and not with the masses.
+    let text = fs::read_to_string(folder.join("frf.csv")).unwrap();
+    let header = text.lines().next().unwrap();
+    let turns: Vec<bool> = (header.split(','))
+        .map(|name| name.starts_with("q/") || name.starts_with("dq/"))
+        .collect();
+    let mut in_degrees = format!("{header}\n");
+    for line in text.lines().skip(1) {
+        let cells = line.split(',').zip(&turns);
+        let cells = cells.map(|(cell, turns)| match turns {
+            true => cell.parse::<f64>().unwrap().to_degrees().to_string(),
+            false => cell.to_owned(),
+        });
+        in_degrees += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    fs::write(folder.join("degrees.csv"), in_degrees).unwrap();
+    let message = refusal(folder, &["frf", "degrees.csv", "-m", "fitted.toml"]);
+    assert!(
+        message.contains("positions are in degrees, not rad: in rad the held-out error falls"),
+        "{message}"
+    );
     // A plan is played as it is.
     let both = "simulate --frf --follow plan.csv --points 2 -m arm.toml -o other.csv";
     let output = proprio(folder, &both.split(' ').collect::<Vec<_>>());
@@ -707,6 +729,18 @@ fn bad_logs_are_refused_each_in_its_own_words() {
     refused("lines are aliases: at 161.0 Hz the position of j has the velocity of 339 Hz");
     periodic(folder.path(), &[3, 5, 7], &format!("dq/j,{ALL}"), |_, x| x);
     refused("3 excited lines");
+    // The velocity is in rad/s, so that one of the two is in degrees.
+    for (column, factor) in [("q/j", 180.0 / PI), ("dq/j", PI / 180.0)] {
+        periodic(
+            folder.path(),
+            &odd(),
+            &format!("dq/j,{ALL}"),
+            |_, [q, tau, r]| [q * factor, tau, r],
+        );
+        refused(&format!(
+            "`{column}` is in degrees, not rad: it is 57.3 times"
+        ));
+    }
     periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
         [q + 0.02 * k as f64 / 500.0, tau, r]
     });
@@ -773,8 +807,8 @@ fn two_masses(k: usize) -> f64 {
     odd().into_iter().map(sine).sum()
 }
 
-/// Of a bench whose spring is found each wrong column is refused: torque of the other sign, by its cause; exchanged columns and a delay, by the error
-/// that is left.
+/// Of a bench whose spring is found each wrong column is refused: torque of the other sign and a delay, by their cause; exchanged columns, by the error that
+/// is left.
 #[test]
 fn responses_that_no_spring_explains_are_refused() {
     const ALL: &str = "q/j,tau/j,ref/j";
@@ -801,7 +835,7 @@ fn responses_that_no_spring_explains_are_refused() {
         (
             // A whole period later, so that no sample lies before the first.
             |k, [_, tau, r]| [two_masses(k + 490), tau, r],
-            "no elastic model fits the responses",
+            "the position is 20.0 ms later than the torque",
         ),
     ];
     for (change, what) in cases {

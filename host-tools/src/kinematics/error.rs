@@ -71,9 +71,21 @@ pub enum CalibrateError {
         /// With these columns, mm.
         after: f64,
     },
+    /// Places are in a left-handed frame: the fit of their mirror image says so.
+    #[error(
+        "places are in a left-handed frame: two of x/, y/ and z/ are exchanged, or one has the opposite sign; mirrored, the error of the best mount falls from {before:.1} to {after:.1} mm{alike}"
+    )]
+    Mirrored {
+        /// What explains the poses as well: a clause, or nothing.
+        alike: String,
+        /// Error as the file is, mm.
+        before: f64,
+        /// Of the mirrored places, mm.
+        after: f64,
+    },
     /// Nothing that was tried makes model and poses fit.
     #[error(
-        "model and poses do not belong together: with the best mount the error is {error:.1} mm where the targets move by {spread:.1} mm; units, order and signs of joints were tried"
+        "model and poses do not belong together: with the best mount the error is {error:.1} mm where the targets move by {spread:.1} mm; units, left-handed frames, order and signs of joints were tried"
     )]
     Unrelated {
         /// Error with the best mount, mm.
@@ -202,7 +214,10 @@ impl CalibrateError {
             }
             Self::Degrees { .. } => "multiply the q/ columns by π/180 = 0.0174533",
             Self::JointOrder { .. } => {
-                "rename the columns accordingly, or correct signs in the file or axes in the URDF; places in a left-handed frame (two columns exchanged, or one of the opposite sign) look alike"
+                "rename the columns accordingly, or correct signs in the file or axes in the URDF"
+            }
+            Self::Mirrored { .. } => {
+                "correct the x/, y/ and z/ columns to a right-handed frame; if they are right, correct the joints' signs or axes"
             }
             Self::Unrelated { .. } => {
                 "check that the URDF is this robot's, and in which frame the targets were measured"

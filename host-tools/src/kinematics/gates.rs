@@ -12,6 +12,8 @@ use crate::robust::median;
 const SUSPICIOUS: f64 = 0.05;
 /// A cause is named if it makes the error this many times smaller.
 const EXPLAINS: f64 = 4.0;
+/// Two causes whose errors differ by less than this factor explain the poses alike: the errors are frames' and noise's, which one of them does not change.
+const SAME_ERROR: f64 = 1.5;
 /// An error beyond this share that no cause explains: the poses are of something else.
 const UNRELATED: f64 = 0.25;
 /// Joints of which all orders are tried, 720 of them; of more each exchange of two.
@@ -76,9 +78,19 @@ pub(super) fn check(
             after: mm(after),
         });
     }
-    if let Some((what, after)) = best_order(poses, model, &error_of)
-        && after < error / EXPLAINS
-    {
+    let joints = best_order(poses, model, &error_of).filter(|(_, after)| *after < error / EXPLAINS);
+    let mirrored = error_of(&mirrored(poses));
+    // An arm that its own plane mirrors fits both ways, with some joints the other way: then both are named.
+    let as_good = |(_, after): &(String, f64)| mirrored <= SAME_ERROR * after;
+    if mirrored < error / EXPLAINS && joints.as_ref().is_none_or(as_good) {
+        let or = |(what, _)| format!("; alike: {what}");
+        return Err(CalibrateError::Mirrored {
+            alike: joints.map_or_else(String::new, or),
+            before: mm(error),
+            after: mm(mirrored),
+        });
+    }
+    if let Some((what, after)) = joints {
         return Err(CalibrateError::JointOrder {
             what,
             before: mm(error),
@@ -244,6 +256,17 @@ fn scaled(poses: &Poses, factor: f64) -> Vec<Pose> {
         .flat_map(|pose| pose.measured.iter_mut().flatten())
     {
         measured.place *= factor;
+    }
+    changed
+}
+
+/// The places seen in a mirror: what two exchanged coordinates are, or one of the opposite sign, but for a turn. Orientations have no mirror image that is a
+/// rotation, and are left out.
+fn mirrored(poses: &Poses) -> Vec<Pose> {
+    let mut changed = poses.poses.clone();
+    for measured in (changed.iter_mut()).flat_map(|pose| pose.measured.iter_mut().flatten()) {
+        measured.place.x = -measured.place.x;
+        measured.orientation = None;
     }
     changed
 }

@@ -99,6 +99,26 @@ pub enum FrfError {
         /// With the sign turned.
         after: f64,
     },
+    /// Positions or velocities are in degrees: tested by the velocity, or by a fit in rad.
+    #[error("{columns} in degrees, not rad: {cause}")]
+    Degrees {
+        /// Which columns: `` `q/` is `` and such.
+        columns: String,
+        /// What says so.
+        cause: String,
+    },
+    /// Position and torque are not of the same instant: tested by a fit with the position moved in time.
+    #[error(
+        "the position is {late_ms:.1} ms later than the torque: with that taken out the held-out error falls from {before:.2} to {after:.2} (log magnitude)"
+    )]
+    Late {
+        /// By how much, ms; negative: earlier.
+        late_ms: f64,
+        /// Held-out error of the springs as the logs are.
+        before: f64,
+        /// With it taken out.
+        after: f64,
+    },
     /// The fit leaves more than springs explain.
     #[error(
         "no elastic model fits the responses: the held-out error is {error:.2} with springs, where the scatter explains {floor:.3} (log magnitude)"
@@ -278,8 +298,12 @@ impl FrfError {
                 "a period is transformed as a whole: delete the rows from here on if three periods remain, or record again"
             }
             Self::Sign { .. } => "turn the sign of `tau/` or `current/`, or of `q/` and `dq/`",
+            Self::Degrees { .. } => "multiply by π/180 = 0.0174533",
+            Self::Late { .. } => {
+                "record both of one control cycle, or move the columns against each other by so many samples"
+            }
             Self::Misfit { .. } => {
-                "check the sign of the torque, its delay against the position, and which columns hold them; then the model's masses; links that bend about several axes at once look alike"
+                "the sign of the torque, degrees and a delay were tried; check which columns hold torque and position, then the model's masses; links that bend about several axes at once look alike"
             }
             Self::NotFinite { .. } => {
                 "record without losing samples: a period is transformed as a whole"

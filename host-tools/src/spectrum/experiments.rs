@@ -110,7 +110,7 @@ impl Experiments {
         let plan = &*RealFftPlanner::<f64>::new().plan_fft_forward(period);
         let lines = excited(records, &found, plan)?;
         for (record, (_, stretches)) in records.iter().zip(&found) {
-            is_sampled_fast(record, stretches[0], plan, &lines)?;
+            fits_velocity(record, stretches[0], plan, &lines)?;
         }
         let mut all = Vec::new();
         for (record, (_, stretches)) in records.iter().zip(&found) {
@@ -199,8 +199,9 @@ fn excited(
     Ok(lines)
 }
 
-/// Refuses lines that are aliases: the velocity, where it is recorded, is of another frequency than the position.
-fn is_sampled_fast(
+/// Refuses lines that are aliases, and degrees: the velocity, where it is recorded, is of another frequency than the position, or 180/π times as large or as
+/// small as in rad.
+fn fits_velocity(
     record: &Record,
     stretch: Stretch,
     plan: &dyn RealToComplex<f64>,
@@ -213,7 +214,20 @@ fn is_sampled_fast(
         let hertz = |line: usize| dq[line].norm() / q[line].norm() / std::f64::consts::TAU;
         let higher = lines.iter().map(|&l| hertz(l) * seconds / l as f64);
         // Of most lines: noise of the velocity exceeds small positions at some.
-        if median(higher).is_some_and(|share| share > ALIAS) {
+        let Some(share) = median(higher) else {
+            continue;
+        };
+        for (column, factor) in [("q", share.recip()), ("dq", share)] {
+            if (factor.to_radians().ln()).abs() < ALIAS.ln() {
+                return Err(FrfError::Degrees {
+                    columns: format!("{}: `{column}/{joint}` is", record.path.display()),
+                    cause: format!(
+                        "it is {factor:.1} times what the other of position and velocity says at most lines"
+                    ),
+                });
+            }
+        }
+        if share > ALIAS {
             let line = lines[lines.len() / 2];
             return Err(FrfError::Aliased {
                 path: record.path.clone(),

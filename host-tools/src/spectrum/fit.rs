@@ -205,32 +205,34 @@ impl Problem<'_> {
             .collect()
     }
 
+    /// The model's responses and derivatives at all points.
+    fn models(&self, layout: &Layout, x: &[f64]) -> Option<Vec<Vec<Derived>>> {
+        by_number(0..self.points.len(), |point| self.model(point, layout, x))
+            .into_iter()
+            .collect()
+    }
+
     /// The factors of what is left out in turn, each with its point: blocks of points, or where there is one alone stretches of lines.
     fn leave_out(
         &self,
         layout: &Layout,
-        x: &[f64],
+        models: &[Vec<Derived>],
         lacking: f64,
-    ) -> Option<Vec<(usize, HeapFactor)>> {
+    ) -> Vec<(usize, HeapFactor)> {
         let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
-        let of_point = |point: usize| {
-            let model = self.model(point, layout, x)?;
+        let of_point = |point: usize| -> Vec<(usize, HeapFactor)> {
             let factor = |block, lines| {
-                let own = self.factor((point, block), lines, layout, &model, lacking);
+                let own = self.factor((point, block), lines, layout, &models[point], lacking);
                 (point, own)
             };
-            let all: Vec<(usize, HeapFactor)> = if blocks > 2 {
+            if blocks > 2 {
                 let blocks = 0..self.points[point].blocks.len();
                 blocks.map(|b| factor(Some(b), 0..self.used)).collect()
             } else {
                 (0..TENTHS).map(|k| factor(None, self.tenth(k))).collect()
-            };
-            Some(all)
+            }
         };
-        let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
-            .into_iter()
-            .collect();
-        Some(all?.concat())
+        by_number(0..self.points.len(), of_point).concat()
     }
 
     /// The lines of a tenth.
@@ -239,18 +241,15 @@ impl Problem<'_> {
     }
 
     /// Factors of a tenth of the lines each, at all points together.
-    fn tenths(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<HeapFactor>> {
+    fn tenths(&self, layout: &Layout, models: &[Vec<Derived>], lacking: f64) -> Vec<HeapFactor> {
         let of_point = |p: usize| {
-            let model = self.model(p, layout, x)?;
-            let tenth = |k: usize| self.factor((p, None), self.tenth(k), layout, &model, lacking);
-            Some((0..TENTHS).map(tenth).collect::<Vec<_>>())
+            let model = &models[p];
+            let tenth = |k: usize| self.factor((p, None), self.tenth(k), layout, model, lacking);
+            (0..TENTHS).map(tenth).collect::<Vec<_>>()
         };
-        let all: Option<Vec<_>> = by_number(0..self.points.len(), of_point)
-            .into_iter()
-            .collect();
-        let all = all?;
+        let all = by_number(0..self.points.len(), of_point);
         let tenth = |k: usize| stacked(all.iter().map(|parts| &parts[k]));
-        Some((0..TENTHS).map(tenth).collect())
+        (0..TENTHS).map(tenth).collect()
     }
 
     /// Weighted squares at x.
@@ -321,6 +320,13 @@ impl Problem<'_> {
         self.judged(layout, state, lacking)
     }
 
+    /// Held-out error of a fit that begins at each of these; not a number where there is none.
+    pub(super) fn error(&self, layout: &Layout, starts: &[Vec<f64>]) -> f64 {
+        let settled = self.settle(layout, starts, None);
+        let unused = settled.and_then(|(state, lacking)| self.unused(layout, &state.x, lacking));
+        unused.map_or(f64::NAN, |unused| magnitude(&unused))
+    }
+
     /// Where a fit ends that begins at each of these and goes on from the best, and what the model lacks there; steps are bounded. It begins with what
     /// another fit of nearly the same found that it lacks, or where that is not known with [`FIRST_ERROR`].
     pub(super) fn settle(
@@ -340,10 +346,14 @@ impl Problem<'_> {
             state.x = layout.released(x, &state.x, Unknown::is_body);
             state
         };
-        let best = (starts.iter())
-            .map(|x| springs(x, FIRST_STEPS))
-            .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let (mut x, mut now) = (springs(&best.x, LAST_STEPS).x, first);
+        let start = match starts {
+            [only] => only.clone(),
+            _ => {
+                let all = starts.iter().map(|x| springs(x, FIRST_STEPS));
+                all.min_by(|a, b| a.cost.total_cmp(&b.cost))?.x
+            }
+        };
+        let (mut x, mut now) = (springs(&start, LAST_STEPS).x, first);
         let rounds = if lacking.is_some() { 1 } else { 2 };
         for _ in 0..rounds {
             x = self.descend(layout, &x, now, LAST_STEPS).x;
@@ -389,15 +399,18 @@ impl Problem<'_> {
         x: &[f64],
         lacking: f64,
     ) -> Option<Vec<Vec<HeldOut>>> {
-        let groups = self.leave_out(layout, x, lacking)?;
+        let models = self.models(layout, x)?;
+        let groups = self.leave_out(layout, &models, lacking);
         let prior = prior_factor(layout, x);
-        self.held_out(layout, x, &without_each(&by_owner(&groups), &prior), &prior)
+        let without_points = without_each(&by_owner(&groups), &prior);
+        self.held_out(layout, (x, &models), &without_points, &prior)
     }
 
     /// Covariance and held-out errors of what was reached.
     pub(super) fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
         let n = layout.unknowns.len();
-        let groups = self.leave_out(layout, &state.x, lacking)?;
+        let models = self.models(layout, &state.x)?;
+        let groups = self.leave_out(layout, &models, lacking);
         let prior = prior_factor(layout, &state.x);
         let points = by_owner(&groups);
         let whole = stacked([&prior].into_iter().chain(&points)).dense();
@@ -410,11 +423,11 @@ impl Problem<'_> {
         if self.points.len() > 2 {
             spread = larger(spread, &jackknife(&without_points));
         }
-        let tenths = self.tenths(layout, &state.x, lacking)?;
+        let tenths = self.tenths(layout, &models, lacking);
         spread = larger(spread, &jackknife(&without_each(&tenths, &prior)));
         let moved = moved_by_priors(layout, &posterior, &prior_rows(layout, &state.x));
         let covariance = spread + &moved * moved.transpose();
-        let held_out = self.held_out(layout, &state.x, &without_points, &prior)?;
+        let held_out = self.held_out(layout, (&state.x, &models), &without_points, &prior)?;
         let all = self.all_residuals(layout, &state.x)?;
         let square = |(e, std): &(Complex64, f64)| e.norm_sqr() / (2.0 * std * std).max(1e-12);
         let chi_squared = all.iter().map(square).sum::<f64>() / all.len().max(1) as f64;
@@ -456,7 +469,9 @@ pub(super) fn residual(
     if variance >= LEAST_KNOWN {
         return None;
     }
-    let error = (measured[element] / model[element]).ln();
+    let ratio = measured[element] / model[element];
+    // Half the logarithm of the square: the magnitude itself takes several times as long.
+    let error = Complex64::new(0.5 * ratio.norm_sqr().ln(), ratio.arg());
     error.is_finite().then(|| (error, (0.5 * variance).sqrt()))
 }
 

@@ -4,6 +4,8 @@
 //! Coulomb friction, identified from a slow log, is subtracted instead: Fc times the mean sign of the velocity over each interval that the
 //! drive holds its torque.
 
+use std::borrow::Cow;
+
 use super::record::Record;
 
 /// What is known of a joint's drive from the model.
@@ -24,8 +26,8 @@ pub(super) fn dry_friction(record: &Record, drives: &[Drive]) -> Vec<Vec<f64>> {
             return vec![0.0; own.len()];
         }
         // Recorded velocity is sharper than differences: friction's own reversal bends the position within a sample.
-        let velocity: Vec<f64> = match record.dq.get(joint) {
-            Some(dq) => dq.clone(),
+        let velocity: Cow<[f64]> = match record.dq.get(joint) {
+            Some(dq) => dq.into(),
             None => (0..own.len())
                 .map(|k| central(&record.q[joint], k) / record.dt)
                 .collect(),

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::fit::{FIRST_ERROR, HeldOut, Problem, elements, residual, weight};
-use super::flexible::At;
+use super::flexible::{At, Derived};
 use super::layout::Layout;
 use super::linear::{damped, stacked};
 use crate::estimate::factor::HeapFactor;
@@ -14,7 +14,7 @@ impl Problem<'_> {
     pub(super) fn held_out(
         &self,
         layout: &Layout,
-        x: &[f64],
+        (x, models): (&[f64], &[Vec<Derived>]),
         without_points: &[DVector<f64>],
         prior: &HeapFactor,
     ) -> Option<Vec<Vec<HeldOut>>> {
@@ -30,8 +30,6 @@ impl Problem<'_> {
                 .into_iter()
                 .collect();
         }
-        let models = (0..self.points.len()).map(|point| self.model(point, layout, x));
-        let models: Vec<_> = models.collect::<Option<_>>()?;
         let mut errors = Vec::new();
         // Every fourth line in turn: neighbours of a sharp resonance stay in.
         const FOLDS: usize = 4;

@@ -1,5 +1,7 @@
 //! Springs of a bench, from nothing, and of a model's joints, with bends or without.
 
+use realfft::num_complex::Complex64;
+
 use super::bends::{self, Judged};
 use super::error::FrfError;
 use super::fit::{Fit, Problem};
@@ -64,6 +66,9 @@ pub(super) struct Fitted<'a> {
     /// Joints whose body the responses contradict.
     pub(super) doubtful: Vec<String>,
 }
+
+/// Delays that are looked for, s: logs of buses and of two clocks are late by some cycles of 1 to 20 ms. Tried by half samples; a fit finds the rest.
+const MOST_LATE: f64 = 0.1;
 
 /// A body is doubtful if the fit moves it so many of its standard deviations, squared and summed over its ten parameters. One in a thousand right ones would
 /// exceed 30; those of simulated arms reach 20, and 60 to 280 where a rigid fit of a slow log took springs for masses.
@@ -195,8 +200,7 @@ impl<'p> Arm<'_, 'p> {
         let (layout, starts) = self.layout(&links, &plants);
         let (own, x) = start::rigid(&layout, &starts[0], &plants, self.omega);
         let problem = self.problem(plants);
-        let rigid = problem.fit(&own, &[x]);
-        let rigid = rigid.map_or(f64::NAN, |fit| fit.error());
+        let rigid = problem.error(&own, &[x]);
         let plants = (problem.plants, Vec::new());
         let found = self.fit(Vec::new(), links, (layout, starts), plants);
         let found = found.ok_or(FrfError::NoFit {
@@ -348,9 +352,7 @@ pub(super) fn bench<'a>(points: &'a [Point], omega: &[f64], dt: f64) -> Option<F
     problem.used = if used >= 12 { used } else { omega.len() };
     let fit = problem.fit(&layout, &[first.x])?;
     let (stiff, x) = start::rigid(&layout, &fit.x, &problem.plants, omega);
-    let rigid = problem
-        .fit(&stiff, &[x])
-        .map_or(f64::NAN, |fit| fit.error());
+    let rigid = problem.error(&stiff, &[x]);
     Some(Fitted {
         springs: fit.error(),
         problem,
@@ -362,19 +364,26 @@ pub(super) fn bench<'a>(points: &'a [Point], omega: &[f64], dt: f64) -> Option<F
     })
 }
 
-/// Held-out error of springs at the joints alone if the torques had the opposite sign; none where no fit is found.
-pub(super) fn turned(
+/// Held-out error of springs at the joints alone if all positions were so many times as large, and the responses at each angular frequency; none where no
+/// fit is found.
+pub(super) fn if_times(
     model: Option<&Model>,
     joints: &[String],
     points: &[Point],
-    omega: &[f64],
-    dt: f64,
+    (omega, dt): (&[f64], f64),
+    (position, factor): (f64, impl Fn(f64) -> Complex64),
 ) -> Option<f64> {
-    let mut turned = points.to_vec();
-    for mean in turned.iter_mut().flat_map(|point| &mut point.mean) {
-        *mean = -&*mean;
+    let mut changed = points.to_vec();
+    for point in &mut changed {
+        let positions = point.q.iter_mut().chain(point.path.iter_mut().flatten());
+        positions.for_each(|q| *q *= position);
+        for response in std::iter::once(&mut point.mean).chain(&mut point.blocks) {
+            for (line, omega) in response.iter_mut().zip(omega) {
+                *line *= factor(*omega);
+            }
+        }
     }
-    let points = &turned[..];
+    let points = &changed[..];
     let Some(model) = model else {
         return Some(bench(points, omega, dt)?.springs);
     };
@@ -386,6 +395,36 @@ pub(super) fn turned(
         dt,
     };
     Some(arm.springs().ok()?.1.fit.error())
+}
+
+/// By how much positions are later than their torques, s: a motor's own response has a phase from −π to 0, for it takes energy from its
+/// torque at every frequency, and what is later has one beyond (Desoer & Vidyasagar 1975, *Feedback Systems*, ch. VI). None where all are within, or where
+/// experiments are too few for responses.
+pub(super) fn lateness(points: &[Point], omega: &[f64], dt: f64) -> Option<f64> {
+    let responses = points.iter().filter(|point| point.torque.is_empty());
+    let own: Vec<(f64, Complex64)> = responses
+        .flat_map(|point| point.mean.iter().zip(omega))
+        .flat_map(|(g, &omega)| g.diagonal().iter().map(|g| (omega, *g)).collect::<Vec<_>>())
+        .collect();
+    let beyond = |late: f64| -> f64 {
+        let of = |(omega, g): &(f64, Complex64)| {
+            let turned = g * Complex64::new(0.0, omega * late).exp();
+            (turned.im / turned.norm()).max(0.0).powi(2)
+        };
+        own.iter().map(of).sum()
+    };
+    let steps = (2.0 * MOST_LATE / dt) as i32;
+    // The nearest to none first: of equals it stays.
+    let all = (1..=steps).flat_map(|n| [n, -n]);
+    let all = all.map(|n| 0.5 * dt * f64::from(n));
+    let mut best = (beyond(0.0), 0.0);
+    for late in all {
+        let own = beyond(late);
+        if own < best.0 {
+            best = (own, late);
+        }
+    }
+    (best.1 != 0.0).then_some(best.1)
 }
 
 /// Antiresonance and resonance, rad/s, and the inertia ratio of a bench.
