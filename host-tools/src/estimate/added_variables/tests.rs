@@ -121,10 +121,22 @@ fn what_is_left_falls_by_what_is_not_explained_yet() {
         (share - 0.5).abs() < 0.05 && (same - all).abs() < 1e-3 * all,
         "{same} {share}"
     );
-    // Of two responses one is the model's own: its number stays where its prior has it, the other's goes all the way.
-    let step = left.coefficients(&[residual, own], &[0.0, 2.0], n).unwrap();
+    // A number without a response goes back to what its prior says, and that of the residual all the way.
+    let step = left
+        .coefficients(&[residual, nothing], &[0.0, 2.0], n)
+        .unwrap();
     assert!((step.by[0] - 1.0).abs() < 0.05, "{:?}", step.by);
-    assert!((step.by[1] + 2.0).abs() < 0.1, "{:?}", step.by);
-    assert!(step.std[0] < 0.05 && step.std[1] > 0.9, "{:?}", step.std);
+    assert!((step.by[1] + 2.0).abs() < 1e-9, "{:?}", step.by);
+    assert!(
+        step.std[0] < 0.05 && (step.std[1] - 1.0).abs() < 1e-9,
+        "{:?}",
+        step.std
+    );
     assert!(step.fall > 0.8 * square && step.fall < 1.0001 * square);
+    let step = left.coefficients(&[own], &[0.0], n).unwrap();
+    assert!(
+        step.by[0].abs() < 0.05 && step.fall < 0.01 * square,
+        "{:?}",
+        step.by
+    );
 }
