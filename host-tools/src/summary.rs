@@ -126,7 +126,7 @@ impl ErrorRange {
 }
 
 /// Columns of a terminal.
-const COLUMNS: usize = 80;
+pub(crate) const COLUMNS: usize = 80;
 
 /// Text in lines that a terminal holds, the first of them after `first`, the others after `next`; a word that is longer has a line of its own.
 pub(crate) fn wrapped(text: &str, first: &str, next: &str) -> String {

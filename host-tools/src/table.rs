@@ -61,13 +61,17 @@ pub(crate) struct RangeValue {
 /// Decimals of values whose standard deviation is not known.
 const DECIMALS: usize = 4;
 
-/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation; with a `*` at its bound. None of no value.
-pub(crate) fn range(values: &[RangeValue]) -> Option<String> {
+/// Most decimals of a value in a range.
+pub(crate) const MOST_DECIMALS: usize = 5;
+
+/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation and in at most so many decimals; with a `*` at its bound.
+/// None of no value.
+pub(crate) fn range(values: &[RangeValue], most: usize) -> Option<String> {
     let stds = values.iter().filter_map(|of| of.std);
     let decimals = stds
         .filter(|std| *std > 0.0)
-        .map(|std| (1.0 - std.log10().floor()).clamp(0.0, 5.0) as usize);
-    let decimals = decimals.max().unwrap_or(DECIMALS);
+        .map(|std| (1.0 - std.log10().floor()).max(0.0) as usize);
+    let decimals = decimals.max().unwrap_or(DECIMALS).min(most);
     let one = |of: &RangeValue| match (of.at_bound, of.value == 0.0) {
         (true, true) => "0*".to_owned(),
         (true, false) => format!("{:.decimals$}*", of.value),
@@ -116,14 +120,17 @@ mod tests {
             at_bound,
         };
         let [known, sure] = [of(0.2109, Some(0.02), false), of(0.0431, Some(0.3), false)];
-        assert_eq!(range(&[known, sure]).as_deref(), Some("0.043–0.211"));
-        assert_eq!(range(&[known]).as_deref(), Some("0.211"));
+        let all = |values: &[RangeValue]| range(values, MOST_DECIMALS);
+        assert_eq!(all(&[known, sure]).as_deref(), Some("0.043–0.211"));
+        let few = range(&[known, sure], 2);
+        assert_eq!(few.as_deref(), Some("0.04–0.21"));
+        assert_eq!(all(&[known]).as_deref(), Some("0.211"));
         assert_eq!(
-            range(&[of(0.0, Some(0.02), true), known]).as_deref(),
+            all(&[of(0.0, Some(0.02), true), known]).as_deref(),
             Some("0*–0.211")
         );
         let unknown = [-0.25, -0.125].map(|value| of(value, None, false));
-        assert_eq!(range(&unknown).as_deref(), Some("-0.2500 to -0.1250"));
-        assert_eq!(range(&[]), None);
+        assert_eq!(all(&unknown).as_deref(), Some("-0.2500 to -0.1250"));
+        assert_eq!(all(&[]), None);
     }
 }

@@ -61,6 +61,8 @@ impl Schema {
                 "const" => fault(format!("not {said} but {value}")),
                 "enum" if said.as_array().is_some_and(|all| all.contains(value)) => {}
                 "enum" => fault(format!("none of {said} but {value}")),
+                // Of an object alone, as JSON Schema has it: where `type` lets null pass, it has nothing.
+                "required" if !value.is_object() => {}
                 "required" => {
                     let has =
                         |name: &Value| name.as_str().is_some_and(|name| value.get(name).is_some());

@@ -292,7 +292,10 @@ fn range(effects: &[&Effect]) -> String {
             })
         })
         .collect();
-    match (table::range(&values), effects.len() - values.len()) {
+    match (
+        table::range(&values, table::MOST_DECIMALS),
+        effects.len() - values.len(),
+    ) {
         (None, _) => "not identified yet,".to_owned(),
         (Some(known), 0) => known,
         (Some(known), n) => format!("{known} ({n} not identified yet)"),

@@ -79,7 +79,7 @@ const KINDS: [Kind; 8] = [
     Kind {
         parameters: ACC_SCALE..PLACE,
         what: "the accelerometer's scale",
-        why: "a payload explains the same in part: weigh the robot, and look for what carries it; else gravity is not 9.81 m/s², or this is another robot",
+        why: "something carries the robot, or a payload explains the same in part: weigh it; else gravity is not 9.81 m/s², or this is another robot",
         times: 100.0,
         unit: "%",
     },

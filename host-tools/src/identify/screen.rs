@@ -7,11 +7,14 @@ use proprio_core::effect::EffectKind;
 use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::parameter;
-use crate::summary::{by_kind, export_command, joints_in_words, word};
-use crate::table::{RangeValue, Table, range};
+use crate::summary::{COLUMNS, by_kind, export_command, joints_in_words, word};
+use crate::table::{MOST_DECIMALS, RangeValue, Table, range};
+
+/// Decimals that a value of a drive has in any case: a hundredth of a N m.
+const LEAST_DECIMALS: usize = 2;
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
-/// A value at its bound has a `*`.
+/// A value at its bound has a `*`. In as many decimals as lines of a screen have room for.
 pub(crate) fn drive_rows(
     joints: &[String],
     find: impl Fn(&str) -> Option<RangeValue>,
@@ -22,22 +25,25 @@ pub(crate) fn drive_rows(
     if effects.is_empty() {
         return Vec::new();
     }
-    let mut table = Table::default();
     let heading = |effect: &EffectKind| format!("{} {}", effect.name(), parameter::unit(*effect));
-    table.row(
-        [String::new()]
-            .into_iter()
-            .chain(effects.iter().map(heading)),
-    );
-    for (kind, members) in by_kind(joints) {
-        let cell = |effect: &EffectKind| {
-            let values = members.iter().filter_map(|joint| of(*effect, joint));
-            range(&values.collect::<Vec<_>>()).unwrap_or_else(|| "–".to_owned())
-        };
-        table.row([kind].into_iter().chain(effects.iter().map(cell)));
-    }
-    let text = table.to_string();
-    text.lines().map(|line| format!("  {line}")).collect()
+    let rows = |decimals: usize| -> Vec<String> {
+        let mut table = Table::default();
+        let first = [String::new()].into_iter();
+        table.row(first.chain(effects.iter().map(heading)));
+        for (kind, members) in by_kind(joints) {
+            let cell = |effect: &EffectKind| {
+                let values = members.iter().filter_map(|joint| of(*effect, joint));
+                let values = range(&values.collect::<Vec<_>>(), decimals);
+                values.unwrap_or_else(|| "–".to_owned())
+            };
+            table.row([kind].into_iter().chain(effects.iter().map(cell)));
+        }
+        let text = table.to_string();
+        text.lines().map(|line| format!("  {line}")).collect()
+    };
+    let fits = |rows: &Vec<String>| rows.iter().all(|row| row.chars().count() <= COLUMNS);
+    let mut all = (LEAST_DECIMALS..=MOST_DECIMALS).rev().map(rows);
+    all.find(fits).unwrap_or_else(|| rows(LEAST_DECIMALS))
 }
 
 impl From<&ParameterEstimate> for RangeValue {

@@ -51,8 +51,8 @@ fn bad_input_is_named_and_leaves_no_file() {
         (&["validate"], 2, "--motion"),
         (
             &["excite", "--velocity-share", "nan"],
-            1,
-            "the share of the speed",
+            2,
+            "must lie between",
         ),
         (&["excite", "--duration", "inf"], 2, "must lie between"),
         (&["excite", "--duration", "1e9"], 2, "must lie between"),
