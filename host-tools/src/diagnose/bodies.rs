@@ -18,7 +18,7 @@ use crate::identify::model_fit::{parameters, places_of};
 use crate::identify::{BodyQuantity, OtherBody, other_bodies, released};
 use crate::model::Model;
 use crate::parallel::side_by_side;
-use crate::select::criteria::step::SAME;
+use crate::select::criteria::step::{LEAST_PART, SAME};
 use crate::select::fitted::{Fitted, Step};
 use crate::select::limbs::Limbs;
 use crate::select::search::Found;
@@ -49,12 +49,15 @@ pub(super) fn instead<'a>(
         return None;
     }
     let plain: Vec<Vec<Place>> = data.iter().map(with_drive).collect();
-    // Of a log too short to have a noise floor, what the effects found leave is to be reached.
+    // Of a log too short to have a noise floor, what the effects found leave is to be reached; where none was found, most of what is left is to go.
     let by_effects = |n: usize| {
-        let is_here = here(&[n], found).next().is_some();
-        is_here.then(|| found.end.squares[n].total())
+        let end = found.end.squares[n].total();
+        match here(&[n], found).next() {
+            Some(_) => end,
+            None => LEAST_PART * end,
+        }
     };
-    let most = |n: usize| bodies::at_floor(&data[n]).or_else(|| by_effects(n));
+    let most = |n: usize| Some(bodies::at_floor(&data[n]).unwrap_or_else(|| by_effects(n)));
     let (fits, _) = bodies::fit_from(data, &plain, &how(), &vec![None; data.len()], &most);
     if fits.len() < data.len() || !fits.iter().any(is_released) {
         return None;

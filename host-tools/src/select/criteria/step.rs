@@ -23,7 +23,7 @@ const PROMISES_MORE: f64 = 1.25;
 const FAR_FROM_NOISE: f64 = 4.0;
 /// An effect that is there explains this share of what a joint's squares have above the noise; one that explains less where much is left
 /// takes a part of something else. Of logs with a cause outside the catalogue (studies/pinocchio/outside.py) most such effects take 0.1 to 0.5.
-const LEAST_PART: f64 = 0.5;
+pub(crate) const LEAST_PART: f64 = 0.5;
 
 /// What is said of a log, or taken by an effect, is made by noise of the motion where that alone makes so much of it. Where a cause makes it, a complete
 /// model has nothing of it. Where noise does, noise that is added to the log's own is told half as well as that, for what is regressed on has both; a
