@@ -89,11 +89,11 @@ fn a_wrong_body_is_told_and_no_effect() {
     }
 }
 
-/// Six seconds at 100 Hz, too short for a noise floor: a forearm with three times the moments of inertia is named, where `coupled_armature` explains most of it.
+/// Six seconds at 100 Hz, too short for a noise floor: a forearm with six times the moments of inertia is named.
 #[test]
 fn a_short_log_names_a_body_too() {
     const CAD: &str = r#"<inertia ixx="0.006" ixy="0" ixz="0" iyy="0.006" iyz="0" izz="0.001"/>"#;
-    const TRUE: &str = r#"<inertia ixx="0.018" ixy="0" ixz="0" iyy="0.018" iyz="0" izz="0.003"/>"#;
+    const TRUE: &str = r#"<inertia ixx="0.036" ixy="0" ixz="0" iyy="0.036" iyz="0" izz="0.006"/>"#;
     let folder = folder();
     let folder = folder.path();
     assert!(ARM.contains(CAD));
