@@ -199,7 +199,7 @@ pub struct FrameCorrection {
     pub quantity: JointQuantity,
     /// m or rad.
     pub value: f64,
-    /// Standard deviation, from the spread over blocks.
+    /// Standard deviation: the larger of what independent residuals give and of the spread over folds.
     pub std: f64,
 }
 
